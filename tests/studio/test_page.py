@@ -443,7 +443,7 @@ def test_constraints_of_every_kind_are_added_and_shown_by_another_page(browser, 
         kinds = page.locator("[data-part=newKind] option").all_inner_texts()
         for number, kind in enumerate(kinds):
             page.locator("[data-part=newKind]").select_option(kind)
-            page.locator("[data-part=addConstraint]").click()
+            page.get_by_role("button", name="Add", exact=True).click()
             page.locator(".constraint").nth(number).wait_for()
         forms = page.locator(".constraint").all_inner_texts()
     assert len(graft_of(session).request.constraints) == len(kinds)
@@ -459,6 +459,80 @@ def test_constraints_of_every_kind_are_added_and_shown_by_another_page(browser, 
     box = graft_of(session).request.constraints[kinds.index("Box")].obstacle
     half = np.radians(15)
     np.testing.assert_allclose(box.rotation, [0, np.sin(half), 0, np.cos(half)], atol=1e-6)
+
+
+def test_constraints_of_one_kind_have_names_and_places_of_their_own(browser, session):
+    kinds = ["Sphere", "Wall", "Sphere", "Wall", "Sphere", "Own body"]
+    names = ["Sphere 1", "Wall 1", "Sphere 2", "Wall 2", "Sphere 3", "Own body"]
+    with opened(browser, session) as page:
+        until_figure(page)
+        page.locator("#tab-constraints").click()
+        for number, kind in enumerate(kinds):
+            page.locator("[data-part=newKind]").select_option(kind)
+            page.get_by_role("button", name="Add", exact=True).click()
+            page.locator(".constraint").nth(number).wait_for()
+        assert page.locator(".constraint .choose").all_inner_texts() == names
+        assert page.locator(".name.thin").all_inner_texts() == names
+        state = run(page, "return modules.store.selected();")
+        violated = {names[own["number"]] for own in state["violations"]}
+        assert violated
+        cards = page.locator(".constraint", has=page.locator(".violations"))
+        assert set(cards.locator(".choose").all_inner_texts()) == violated
+        kept = page.locator(".constraint", has=page.get_by_text("✓ kept"))
+        assert set(kept.locator(".choose").all_inner_texts()) == set(names) - violated
+        marks = page.locator(".violated").evaluate_all("all => all.map((own) => own.ariaLabel)")
+        assert {own.partition(":")[0] for own in marks} == violated
+        worst = graft_of(session).violations[0].worst
+        cards.first.get_by_role("button", name="Violated").click()
+        assert int(page.locator("[data-part=frame]").input_value()) == worst
+    records = [own.obstacle for own in graft_of(session).request.constraints[:5]]
+    centres = np.array([own.center for own in records[::2]])
+    points = np.array([own.point for own in records[1::2]])
+    for places in (centres, points):
+        far = np.linalg.norm(places[:, None] - places, axis=-1)
+        assert far[~np.eye(len(places), dtype=bool)].min() > 10
+    # A wall that is moved along itself would be the same wall.
+    assert abs((points[1] - points[0]) @ np.array(records[1].normal)) > 10
+
+
+def test_labels_on_the_stage_do_not_cover_each_other(browser, session):
+    sphere = {"kind": "Sphere", "center": [0.0, 100.0, 30.0], "radius": 5.0}
+    for _ in range(4):
+        record = {"kind": "Avoid", "obstacle": sphere}
+        session.do({"action": "add_constraint", "id": "m1", "constraint": record})
+    body = """
+      const { prototype } = CanvasRenderingContext2D;
+      const { fillText } = prototype;
+      const found = {};
+      prototype.fillText = function (text, x, y) {
+        found[text] = [x, y, this.measureText(text).width];
+      };
+      modules.stage.redrawStage();
+      while (!found["Sphere 4"]) await new Promise((resolve) => setTimeout(resolve, 20));
+      prototype.fillText = fillText;
+      return Object.values(found);"""
+    with opened(browser, session) as page:
+        until_figure(page)
+        labels = run(page, body)
+    assert len(labels) >= 4
+    for i, (x, y, width) in enumerate(labels):
+        for other_x, other_y, other_width in labels[:i]:
+            assert abs(x - other_x) >= (width + other_width) / 2 or abs(y - other_y) >= 12
+
+
+def test_export_says_what_is_written_and_where(browser, session):
+    with opened(browser, session) as page:
+        until_figure(page)
+        page.locator("[data-part=export]").click()
+        dialog = page.get_by_role("dialog", name="Export")
+        dialog.get_by_text("Nothing is marked Keep").wait_for()
+        dialog.get_by_label("folder").fill("there")
+        dialog.get_by_text(f"Written to {session.folder}/there", exact=True).wait_for()
+        dialog.get_by_role("button", name="Cancel").click()
+        assert not list(session.folder.glob("there*"))
+        session.do({"action": "keep", "id": "m2", "isKept": True})
+        page.get_by_role("button", name="Export 1…").click()
+        dialog.get_by_text("1 motion marked Keep.", exact=True).wait_for()
 
 
 def test_previews_stand_still_for_who_wants_less_motion(browser, session):

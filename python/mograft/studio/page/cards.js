@@ -2,7 +2,7 @@
 import { figureOf, ghostOf } from "./figures.js";
 import { act, motions, on, select, store } from "./store.js";
 import { countViolated } from "./records.js";
-import { breakable, button, create, field, fill, icon, make, parts, percent } from "./ui.js";
+import { breakable, button, create, field, fill, icon, make, parts, percent, sentence } from "./ui.js";
 import { addRegion, dropRegion, isVisible, redraw } from "./view.js";
 
 const PREVIEW_MILLISECONDS = 33; // Between two pictures of the previews.
@@ -205,17 +205,12 @@ function writeCard(card, motion) {
   const { name, mark, isKept, violations } = motion;
   card.name.replaceChildren(...breakable(name));
   card.numbers.replaceChildren(...numbersOf(motion));
-  card.element.setAttribute(
-    "aria-label",
-    [name, mark === "star" ? "starred" : mark === "reject" ? "rejected" : ""].filter(Boolean).join(", "),
-  );
+  const marked = { star: ", starred", reject: ", rejected" }[mark] || "";
+  card.element.setAttribute("aria-label", name + marked);
   card.preview.setAttribute("aria-label", `Show ${name} on the stage`);
-  for (const [kind, own, text] of [
-    ["star", card.star, "Star"],
-    ["reject", card.reject, "Reject"],
-  ]) {
-    own.setAttribute("aria-pressed", mark === kind);
-    own.setAttribute("aria-label", `${text}: ${name}`);
+  for (const kind of ["star", "reject"]) {
+    card[kind].setAttribute("aria-pressed", mark === kind);
+    card[kind].setAttribute("aria-label", `${sentence(kind)}: ${name}`);
   }
   card.more.setAttribute("aria-label", `More like this: ${name}`);
   card.rename.setAttribute("aria-label", `Rename ${name}`);

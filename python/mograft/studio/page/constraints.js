@@ -18,7 +18,10 @@ export function startConstraints() {
   fill(parts.newKind, Object.keys(NEW));
   parts.addConstraint.addEventListener("click", add);
   on("project selected figure", write);
-  on("constraint", markChosen);
+  on("constraint", () => {
+    markChosen();
+    parts.constraints.querySelector(".selected")?.scrollIntoView({ block: "nearest" });
+  });
 }
 
 async function add() {
@@ -51,7 +54,7 @@ function write() {
   parts.noConstraint.textContent = motion ? HINT : "Make or select a motion first.";
   const count = motion ? countViolated(motion) : 0;
   parts.remedy.hidden = !count;
-  parts.remedy.textContent = count && sentence(motion.remarks.at(-1) || "");
+  parts.remedy.textContent = count && `${sentence(motion.remarks.at(-1) || "")}.`;
   const others = (motion?.violations || []).filter(({ number }) => !own.some((each) => each.number === number));
   parts.violations.replaceChildren(...others.map((each) => make("li", {}, violationLine([each]))));
   const focused = document.activeElement?.dataset?.field;
@@ -78,7 +81,6 @@ function markChosen() {
     const isChosen = Number(form.dataset.number) === store.constraint;
     form.classList.toggle("selected", isChosen);
     form.querySelector(".choose").setAttribute("aria-pressed", isChosen);
-    if (isChosen) form.scrollIntoView({ block: "nearest" });
   }
 }
 
@@ -167,11 +169,8 @@ function makeField(id, [name, text, kind], record, save) {
     return field(text, make("input", { type: "checkbox", checked: Boolean(value), ...tag, onchange }));
   }
   const [unit, show, read] = SCALES[kind];
-  return field(
-    text,
-    entry(show(value), (next) => save(read(next)), tag),
-    unit,
-  );
+  const input = entry(show(value), (next) => save(read(next)), tag);
+  return field(text, input, unit);
 }
 
 function framesField(id, record, save) {
@@ -180,13 +179,8 @@ function framesField(id, record, save) {
   const isAll = !record.frames;
   const chosen = store.focus ? [store.focus.first, store.focus.last] : frames;
   const onchange = ({ target }) => save({ ...rest, frames: target.checked ? null : chosen });
-  const all = make("input", {
-    type: "checkbox",
-    checked: isAll,
-    disabled: record.kind === "Reach",
-    "data-field": `${id}/all`,
-    onchange,
-  });
+  const isFixed = record.kind === "Reach";
+  const all = make("input", { type: "checkbox", checked: isAll, disabled: isFixed, "data-field": `${id}/all`, onchange });
   const input = { step: 1, min: 0, max: nFrames() - 1, disabled: isAll };
   const given = { key: `${id}/frames`, names: ["first", "last"], input };
   const own = entries("frames", frames, (next) => save({ ...rest, frames: next.map(Math.round).sort((a, b) => a - b) }), given);

@@ -16,6 +16,7 @@ let curves = [];
 
 export function startCurves() {
   for (const own of [parts.curveJoint, parts.curveMeasure]) own.addEventListener("change", write);
+  parts.curveJoint.addEventListener("change", () => parts.curves.scrollIntoView({ block: "nearest" }));
   on("project selected figure", write);
   on("frame", writeValues);
 }
@@ -61,26 +62,13 @@ function write() {
   shown = key;
   const count = Math.min(nFrames(), MAX_POINTS);
   const frames = Array.from({ length: count }, (_, i) => Math.round((i / Math.max(count - 1, 1)) * (nFrames() - 1)));
-  curves = [
-    ["graft", clip],
-    ["base", base],
-  ]
-    .filter(([, own]) => own)
-    .map(([name, own]) => ({
-      name,
-      frames,
-      values: valuesOf(
-        own,
-        joint,
-        measure,
-        frames.map((frame) => frameIn(own, frame)),
-      ),
-    }));
+  const inOwn = (own) => frames.map((frame) => frameIn(own, frame));
+  const curveOf = (name, own) => ({ name, frames, values: valuesOf(own, joint, measure, inOwn(own)) });
+  curves = [curveOf("graft", clip), ...(base ? [curveOf("base", base)] : [])];
   draw();
   const title = `${parts.curveJoint.value}: ${measure} of graft and base`;
   parts.curvePicture.setAttribute("aria-label", title);
   writeValues();
-  parts.curves.scrollIntoView({ block: "nearest" });
 }
 
 function draw() {

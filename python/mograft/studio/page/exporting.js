@@ -4,6 +4,7 @@ import { motions, on, selected, store } from "./store.js";
 import { countViolated } from "./records.js";
 import { counted, make, parts } from "./ui.js";
 
+const NONE = "Nothing is marked Keep: the motion on the stage is exported.";
 const kept = () => motions().filter(({ isKept }) => isKept);
 const isGlb = (name) => /\.(glb|gltf)$/i.test(name);
 
@@ -31,8 +32,8 @@ export function openExport() {
   const all = own.length ? own : [selected()];
   const names = all.map(({ name }) => name);
   const violated = all.reduce((sum, each) => sum + countViolated(each), 0);
-  const text = own.length ? `${counted(own.length, "motion")} marked Keep.` : "Nothing is marked Keep: the motion on the stage is exported.";
-  parts.exportWhat.textContent = violated ? `${text} ${counted(violated, "constraint")} violated.` : text;
+  const what = own.length ? `${counted(own.length, "motion")} marked Keep.` : NONE;
+  parts.exportWhat.textContent = violated ? `${what} ${counted(violated, "constraint")} violated.` : what;
   const more = names.length > 8 ? [make("li", { text: `and ${names.length - 8} more` })] : [];
   parts.exportNames.replaceChildren(...names.slice(0, 8).map((name) => make("li", {}, make("bdi", { text: name }))), ...more);
   const hasMesh = store.project.sources.some(({ name }) => isGlb(name)) || isGlb(store.project.character || "");
@@ -54,7 +55,7 @@ async function write(event) {
   const reply = await attempt(() => send("/api/export", body), show);
   if (!reply) return;
   parts.exportClose.textContent = "Close";
-  const text = reply.files.length === 1 ? "1 file:" : `${reply.files.length} files:`;
+  const text = `${counted(reply.files.length, "file")}:`;
   parts.exportResult.replaceChildren(make("p", { text }), make("ul", {}, ...reply.files.map(fileItem)));
 }
 

@@ -20,6 +20,7 @@ export function figureOf(kind, name) {
   if (name === undefined || name === null || !store.project) return null;
   const key = `${kind}:${name}`;
   const old = held.get(key);
+  if (!old && store.project.library?.status === "building") return null;
   const own = old || { key, kind, name, clip: null, asking: null, isStale: false };
   // The figure that was used last is the last one.
   held.delete(key);
@@ -48,11 +49,8 @@ function ask(own) {
 function startWaiting() {
   while (waiting.length && nLoading < MAX_LOADING) {
     // Figures on the stage are loaded before those of cards.
-    const index = Math.max(
-      waiting.findIndex(({ own }) => own.name === store.selected),
-      0,
-    );
-    const { own, resolve } = waiting.splice(index, 1)[0];
+    const index = waiting.findIndex(({ own }) => own.name === store.selected);
+    const { own, resolve } = waiting.splice(Math.max(index, 0), 1)[0];
     nLoading++;
     attempt(() => update(own)).then(() => {
       nLoading--;
@@ -196,6 +194,7 @@ let shape = "";
 on("project", () => {
   const { groups, character, skeleton, library } = store.project;
   scene.groups = groups?.names || [];
+  if (library?.status === "building") return; // There are no figures until it is ready.
   // Other groups, another mesh or another skeleton change all figures.
   const next = JSON.stringify([groups?.joints, character, skeleton, library?.status === "ready"]);
   if (shape && next !== shape) {

@@ -70,8 +70,7 @@ function makeControls() {
 }
 
 export function setMode(mode) {
-  if (store.constraint === null || store.constraint === undefined) return;
-  if (!controls) return;
+  if ((store.constraint ?? null) === null || !controls) return;
   controls.setMode(mode);
   for (const own of parts.gizmo.querySelectorAll("[data-mode]")) own.setAttribute("aria-pressed", own.dataset.mode === mode);
   redrawStage();
@@ -192,10 +191,8 @@ function write() {
   for (const { number, record } of all) {
     const mesh = makeMesh(record, clip);
     mesh.material = new THREE.MeshBasicMaterial({ transparent: true, depthWrite: false, side: THREE.DoubleSide });
-    const edges =
-      obstacleOf(record)?.kind === "HalfSpace"
-        ? new THREE.WireframeGeometry(mesh.geometry)
-        : new THREE.EdgesGeometry(mesh.geometry, 20);
+    const isWall = obstacleOf(record)?.kind === "HalfSpace";
+    const edges = isWall ? new THREE.WireframeGeometry(mesh.geometry) : new THREE.EdgesGeometry(mesh.geometry, 20);
     const outline = new THREE.LineSegments(edges, new THREE.LineBasicMaterial({ transparent: true }));
     mesh.add(outline);
     space.add(mesh);
@@ -222,13 +219,9 @@ function tint() {
     const isTarget = !obstacleOf(record);
     const colour = isTarget ? ink.accent : ink.obstacle;
     const strength = isActive(record) || number === store.constraint ? 1 : 0.35;
-    for (const [material, alpha] of [
-      [mesh.material, isTarget ? 0.6 : 0.28],
-      [outline.material, 0.85],
-    ]) {
-      material.color.set(colour);
-      material.opacity = alpha * strength;
-    }
+    for (const { material } of [mesh, outline]) material.color.set(colour);
+    mesh.material.opacity = (isTarget ? 0.6 : 0.28) * strength;
+    outline.material.opacity = 0.85 * strength;
   }
 }
 
@@ -285,11 +278,9 @@ function pick([x, y], view) {
   if (!view || !shapes.size) return;
   const ray = new THREE.Raycaster();
   ray.setFromCamera(new THREE.Vector2((2 * x) / view.width - 1, 1 - (2 * y) / view.height), view.camera);
-  const hit = ray.intersectObjects(
-    [...shapes.values()].map(({ mesh }) => mesh),
-    false,
-  )[0];
-  const found = hit && [...shapes.values()].find(({ mesh }) => mesh === hit.object);
+  const all = [...shapes.values()];
+  const [hit] = ray.intersectObjects(all.map(({ mesh }) => mesh), false);
+  const found = hit && all.find(({ mesh }) => mesh === hit.object);
   if (found) chooseConstraint(found.number);
   else choose(null);
 }

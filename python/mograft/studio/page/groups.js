@@ -8,16 +8,14 @@ import { label, onMarks, onPointer, redrawStage, setStageMode } from "./stage.js
 import { act, on, store } from "./store.js";
 import { button, field, make, parts, selectInput } from "./ui.js";
 
+const HINT = "Click a joint to put it, and those below it in the skeleton, into the chosen group; with Alt only the joint.";
 const REACH = 22; // Pixels around a joint in which a click chooses it.
 
 let edited = null; // {base, names, of: group of each joint, chosen, hovered} while groups are edited.
 
 export function startGroups() {
   parts.editGroups.addEventListener("click", begin);
-  onPointer("groups", {
-    hover: (at, view) => hover(at, view),
-    click: (at, view, event) => assign(nearest(at, view), !event.altKey),
-  });
+  onPointer("groups", { hover, click: (at, view, event) => assign(nearest(at, view), !event.altKey) });
   onMarks(drawJoints);
   on("project", () => edited && jointNames().length !== edited.of.length && end());
 }
@@ -27,7 +25,7 @@ function begin() {
   const indexOf = (joint) => groups.names.findIndex((group) => groups.joints[group]?.includes(joint));
   const of = jointNames().map((joint) => Math.max(0, indexOf(joint)));
   edited = { base: groups.base, names: [...groups.names], of, chosen: Math.min(1, groups.names.length - 1), hovered: -1 };
-  setStageMode("groups", "Click a joint to put it, and those below it in the skeleton, into the chosen group; with Alt only the joint.");
+  setStageMode("groups", HINT);
   write();
   parts.groupsEditor.querySelector("input")?.focus();
 }
@@ -151,13 +149,8 @@ async function apply() {
   const entries = edited.names
     .map((group, index) => [group, joints.filter((_, joint) => edited.of[joint] === index)])
     .filter(([, own]) => own.length);
-  const lines = [
-    `base = ${text(edited.base)}`,
-    "",
-    "[groups]",
-    ...entries.map(([group, own]) => `${text(group)} = [${own.map(text).join(", ")}]`),
-  ];
-  const reply = await act({ action: "set_groups", toml: `${lines.join("\n")}\n` });
+  const lines = entries.map(([group, own]) => `${text(group)} = [${own.map(text).join(", ")}]\n`);
+  const reply = await act({ action: "set_groups", toml: `base = ${text(edited.base)}\n\n[groups]\n${lines.join("")}` });
   if (reply) end();
 }
 

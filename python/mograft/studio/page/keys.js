@@ -31,10 +31,6 @@ function setLayout(value) {
   parts.layout.value = value;
   emit("layout");
 }
-const nextLayout = () => {
-  const all = ["beside", "overlay", "graft"];
-  setLayout(all[(all.indexOf(store.layout) + 1) % all.length]);
-};
 
 function escape() {
   setDrawing(false);
@@ -44,9 +40,7 @@ function escape() {
   focusOn(null);
 }
 
-const undo = (action) => {
-  if (store.project?.[action] !== null) act({ action });
-};
+const undo = (action) => store.project?.[action] !== null && act({ action });
 
 const KEYS = {
   ArrowRight: (event) => seek(player.frame + (event.shiftKey ? 10 : 1)),
@@ -61,7 +55,7 @@ const KEYS = {
   n: () => change("change"),
   r: () => change("regenerate"),
   b: () => change("restore"),
-  o: nextLayout,
+  o: () => setLayout({ beside: "overlay", overlay: "graft", graft: "beside" }[store.layout]),
   1: () => setMode("translate"),
   2: () => setMode("rotate"),
   3: () => setMode("scale"),
@@ -136,6 +130,6 @@ function writeUndo() {
     const text = store.project[name];
     const element = parts[name];
     element.disabled = text === null || text === undefined;
-    element.title = text ? `${sentence(`${name}: ${text}`)}` : `Nothing to ${name}`;
+    element.title = text ? sentence(`${name}: ${text}`) : `Nothing to ${name}`;
   }
 }

@@ -2,8 +2,7 @@
 import { find } from "/viewer/scene.js";
 
 const LOST =
-  "Connection lost. The project is saved with every change, and the page tries to connect again. " +
-  "If the studio was started again, open its new address.";
+  "Connection lost. All changes are saved; the page tries again. If the studio was started again, open its new address.";
 
 export class ServerError extends Error {
   constructor(text, kind, status) {
@@ -30,12 +29,10 @@ async function request(path, options = {}) {
 export const read = (path) => request(path);
 export const send = (path, body) =>
   request(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
-export const upload = (name, file) =>
-  request(`/api/files/${encodeURIComponent(name)}`, {
-    method: "PUT",
-    headers: { "Content-Type": "application/octet-stream" },
-    body: file,
-  });
+export function upload(name, body) {
+  const headers = { "Content-Type": "application/octet-stream" };
+  return request(`/api/files/${encodeURIComponent(name)}`, { method: "PUT", headers, body });
+}
 
 // A line below the header, until the reason for it is over.
 export function warn(text) {

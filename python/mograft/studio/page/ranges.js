@@ -2,7 +2,7 @@
 import { frameAt, place } from "./timeline.js";
 import { nFrames } from "./player.js";
 import { act, emit, store } from "./store.js";
-import { make, range } from "./ui.js";
+import { button, make, range } from "./ui.js";
 import { titleOf } from "./records.js";
 
 export function laneOfConstraints(motion) {
@@ -13,13 +13,8 @@ export function laneOfConstraints(motion) {
       const name = titleOf(motion, number);
       const [first, last] = record.frames || [0, nFrames() - 1];
       const text = record.frames ? range(first, last) : "all frames";
-      const bar = make("button", {
-        type: "button",
-        class: "bar-range",
-        title: `${name}: ${text}; drag an end to change it`,
-        "aria-label": `${name}, ${text}`,
-        onclick: () => chooseConstraint(number),
-      });
+      const given = { class: "bar-range", "aria-label": `${name}, ${text}` };
+      const bar = button("", `${name}: ${text}; drag an end to change it`, () => chooseConstraint(number), given);
       bar.append(make("span", { text }));
       if (record.frames) for (const end of [0, 1]) bar.append(makeHandle(motion, own, bar, end));
       const element = make("div", { class: "lane thin" }, place(bar, first, Math.max(last, first + 1)));

@@ -37,7 +37,7 @@ export const violationText = ({ text }) =>
   text
     .replace(/^\w+ is v/, "V")
     .replace(/(\d+) to (\d+)/, "$1–$2")
-    .replace(/ by (.+): penetration depth ([\d.]+) heights.*/, (_, joint, depth) => `: ${percent(depth)} of the height inside ${joint}`);
+    .replace(/ by (.+): penetration depth ([\d.]+) .*/, (_, joint, depth) => `: ${percent(depth)} of the height inside ${joint}`);
 export const worstOf = ({ first, text }) => Number(/worst at (\d+)/.exec(text)?.[1] ?? first);
 export const countViolated = ({ violations }) => new Set(violations.map(({ number }) => number)).size;
 
@@ -93,25 +93,15 @@ export const NEW = {
   Wall: ({ near, along, aside }) => avoid({ kind: "HalfSpace", point: near(0.5, 0.6 + aside), normal: along(0, 0, -1) }),
   Character: ({ along, tall, aside, clipName: name }) =>
     avoid({ kind: "Character", motion: { name }, offset: along((0.8 + aside) * tall, 0, 0), yaw: 0, delay: 0, radius: 1 }),
-  "Hand or foot target": ({ near, hand, frame }) => ({
-    kind: "Reach",
-    joint: hand,
-    target: near(0.7, 0.25),
-    frames: [frame, frame],
-  }),
+  "Hand or foot target": ({ near, hand, frame }) =>
+    ({ kind: "Reach", joint: hand, target: near(0.7, 0.25), frames: [frame, frame] }),
   "Gaze target": ({ near, frames }) => ({ kind: "Face", target: near(0.9, 1), frames }),
-  "Region of a joint": ({ near, long, hand }) => ({
-    kind: "KeepOut",
-    joint: hand,
-    region: { kind: "Sphere", center: near(0.5, 0.2), radius: long(0.15) },
-  }),
+  "Region of a joint": ({ near, long, hand }) =>
+    ({ kind: "KeepOut", joint: hand, region: { kind: "Sphere", center: near(0.5, 0.2), radius: long(0.15) } }),
   "Own body": () => ({ kind: "AvoidSelf" }),
 };
 
-const placeOf = (record) => {
-  const own = obstacleOf(record);
-  return own ? own.center || own.start || own.point || own.offset : record.target;
-};
+const placeOf = (record, own = obstacleOf(record) || record) => own.center || own.start || own.point || own.offset || own.target;
 
 // A new record at a figure, beside those that are there.
 export function newRecord(name, clip, known, given) {

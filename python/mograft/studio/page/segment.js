@@ -6,7 +6,7 @@ import { mainFigure, player, seek } from "./player.js";
 import { redrawStage } from "./stage.js";
 import { act, emit, on, selected, store } from "./store.js";
 import { lanes, overlaps } from "./timeline.js";
-import { button, icon, make, parts, range } from "./ui.js";
+import { breakable, button, icon, make, parts, range } from "./ui.js";
 
 const ASK_MILLISECONDS = 120; // A selection that stays this long asks for its donors.
 const LIMIT = 24;
@@ -82,10 +82,8 @@ function describe({ group, first, last, isCaptured }) {
     if (b <= first || a >= last) continue;
     if (row.source[part] < 0) texts.push(`${range(a, b)} captured`);
     else {
-      const stretch =
-        Math.abs(row.stretch[part]) < 0.0005
-          ? ""
-          : `, ${(100 * row.stretch[part]).toFixed(0)} % longer`.replace(/-(\d+ %) longer/, "$1 shorter");
+      const share = Math.round(100 * row.stretch[part]);
+      const stretch = share ? `, ${Math.abs(share)} % ${share > 0 ? "longer" : "shorter"}` : "";
       texts.push(`${range(a, b)} from ${clip.donors[row.source[part]]} ${range(row.first[part], row.last[part])}${stretch}`);
     }
     const seam = row.before[part];
@@ -148,16 +146,13 @@ function donorRow(own, focus, lock) {
   const act = () => change("take", { clip, from: first, to: last });
   const take = button("Take", title, act, { "aria-label": `Take ${name}` });
   take.disabled = Boolean(refused) || Boolean(lock) || isUsed;
-  const see = button(name, "Show in place", () => preview(own), { class: "plain" });
-  const note = refused
-    ? make("span", { class: "why", text: refused })
-    : isUsed
-      ? make("span", { class: "tag", text: "in use" })
-      : null;
+  const see = button("", "Show in place", () => preview(own), { class: "plain" });
+  see.append(...breakable(clip), " ", make("span", { text: range(first, last) }));
+  const note = refused ? ["why", refused] : ["tag", "in use"];
   const row = make(
     "tr",
     { class: refused ? "refused" : isUsed ? "used" : "" },
-    make("td", {}, see, note),
+    make("td", {}, see, refused || isUsed ? make("span", { class: note[0], text: note[1] }) : null),
     cell(own.cost, (value) => value.toFixed(1)),
     cell(own.stretch, (value) => `${value > 0 ? "+" : ""}${(100 * value).toFixed(0)} %`),
     cell(own.seamBefore, (value) => `${value.toFixed(0)}°/${seamAfter.toFixed(0)}°`),

@@ -47,11 +47,11 @@ function sourceItem({ name, clips, status, message, path }) {
 }
 
 function clipItem({ name, frames, rate, faults }) {
-  const show = button("", "Choose as base, and show on the stage", () => {
+  const choose = () => {
     parts.makeBase.value = name;
     parts.makeBase.dispatchEvent(new Event("change"));
-  });
-  show.className = "plain";
+  };
+  const show = button("", "Choose as base, and show on the stage", choose, { class: "plain" });
   show.append(...named("span", {}, name, ` ${(frames / rate).toFixed(1)} s, ${Math.round(rate)} fps`).childNodes);
   const item = make("li", {}, show);
   const list = faults.map(({ kind, first, last, text }) => make("li", { text: `frames ${range(first, last)}: ${text || kind}` }));
@@ -103,8 +103,7 @@ export async function sendFiles(given) {
   parts.jobs.textContent = "";
   if (!paths.length) return;
   const tops = [...new Set(paths)];
-  if (await attempt(() => send("/api/open", { paths: tops })))
-    say(tops.length === 1 ? "1 file is opened." : `${tops.length} files are opened.`);
+  if (await attempt(() => send("/api/open", { paths: tops }))) say(`${counted(tops.length, "file")} opened.`);
   showTab(document.getElementById("tab-clips"));
 }
 

@@ -92,14 +92,8 @@ function prepareGraft() {
   for (const maker of figureMakers) figures.push(...maker(clip, frame));
   const isDrawing = store.mode === "draw";
   const objects = objectMakers.flatMap((make) => make(clip, frame));
-  return {
-    figures,
-    objects,
-    follow: store.follow && !isDrawing,
-    stand: isDrawing ? 0 : stand.frame,
-    look: isDrawing ? top : state,
-    after: drawMarks,
-  };
+  const seen = { follow: store.follow, stand: stand.frame, look: state };
+  return { figures, objects, after: drawMarks, ...(isDrawing ? { follow: false, stand: 0, look: top } : seen) };
 }
 
 function clearMarks() {
@@ -256,15 +250,13 @@ function listenToTile(tile) {
       start = null;
     });
   }
+  // Where the page scrolls, the wheel zooms only in a tile that has the focus.
   const onWheel = (event) => {
+    if (document.documentElement.scrollHeight > window.innerHeight + 1 && tile !== document.activeElement) return;
     event.preventDefault();
     zoom(Math.exp(-event.deltaY * 0.0012));
   };
-  // Where the page scrolls, the wheel zooms only in a tile that has the focus.
-  const isFilling = () => document.documentElement.scrollHeight <= window.innerHeight + 1;
-  tile.addEventListener("wheel", (event) => (isFilling() || tile === document.activeElement) && onWheel(event), {
-    passive: false,
-  });
+  tile.addEventListener("wheel", onWheel, { passive: false });
 }
 
 // The point of the floor, or of another height, below a place of the view of the graft.

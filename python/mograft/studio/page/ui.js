@@ -1,7 +1,7 @@
 // Small parts of the page: elements, tabs, dialogs and fields.
 import { create, find } from "/viewer/scene.js";
 
-export { create, createButton } from "/viewer/scene.js";
+export { create } from "/viewer/scene.js";
 
 // The elements of the page by the names that they have in it.
 const found = {};
@@ -88,5 +88,5 @@ export function showTab(tab) {
   window.dispatchEvent(new Event("resize"));
 }
 
-export const percent = (share) => `${Math.round(100 * share)} %`;
+export const percent = (share) => `${Math.round(100 * share)}\u00a0%`;
 export const range = (first, last) => (first === last ? `${first}` : `${first}–${last}`);

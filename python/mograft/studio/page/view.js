@@ -41,10 +41,8 @@ export function startView() {
   sun.shadow.radius = 5;
   sun.shadow.bias = -0.002;
   const antialias = !isSoftware();
-  for (const [name, around] of [
-    ["stageCanvas", find("tiles")],
-    ["cardsCanvas", document.getElementById("pane-motions")],
-  ]) {
+  const areas = { stageCanvas: find("tiles"), cardsCanvas: document.getElementById("pane-motions") };
+  for (const [name, around] of Object.entries(areas)) {
     const canvas = find(name);
     const context = canvas.getContext("webgl2", { antialias, preserveDrawingBuffer: true });
     find("reason").hidden = context !== null;
