@@ -314,7 +314,7 @@ def test_range_that_is_dragged_over_a_lane_is_locked_and_undone_by_keyboard(brow
         assert lock.group == "upper"
         assert lock.first <= focus["first"] < focus["last"] <= lock.last
         page.locator("#pane-segment button", has_text="Unlock").wait_for()
-        assert page.locator("#pane-segment button", has_text="Regenerate").is_disabled()
+        assert page.locator("#pane-segment button", has_text="Choose again").is_disabled()
         page.keyboard.press("Control+z")
         wait_until(page, "document.querySelectorAll('.locked').length === 0")
         assert session.project.motion("m1").locks == ()

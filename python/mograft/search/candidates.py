@@ -146,7 +146,9 @@ def list_candidates(
             if is_copy[i]:
                 reasons.append("copy: it moves the group as the base segment does")
             if not fits[i]:
-                reasons.append(f"length: {stretch:.2f} is {relation} {max_stretch:.2f}")
+                digits = 2 if round(stretch, 2) != round(max_stretch, 2) else 4
+                values = (f"{value:.{digits}f}" for value in (stretch, max_stretch))
+                reasons.append(f"length: {f' is {relation} '.join(values)}")
             angle, limit = np.degrees([gaps[:, i].max(), config.max_angle]).tolist()
             if angle > limit:
                 reasons.append(f"seam: {angle:.1f}° is above {limit:.1f}°")

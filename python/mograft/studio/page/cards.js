@@ -132,7 +132,7 @@ function makeCard({ id }) {
   const warning = make("p", { class: "warning", hidden: true });
   const star = button("★", "Star: mark as a favourite; Keep is what exports  *", () => toggleMark(id, "star"));
   const reject = button("✕", "Reject  x", () => toggleMark(id, "reject"));
-  const more = button("More", "More like this: makes 4", () => act({ action: "more_like", id, count: 4 }));
+  const more = button("Similar", "Make 4 motions like this", () => act({ action: "more_like", id, count: 4 }));
   const keep = make("input", { type: "checkbox", onchange: () => act({ action: "keep", id, isKept: keep.checked }) });
   const kept = make("label", { class: "keep", title: "Keep for export; a star only marks" }, keep, "Keep");
   const rename = button("✎", "Rename", () => askName(id));
@@ -212,7 +212,7 @@ function writeCard(card, motion) {
     card[kind].setAttribute("aria-pressed", mark === kind);
     card[kind].setAttribute("aria-label", `${sentence(kind)}: ${name}`);
   }
-  card.more.setAttribute("aria-label", `More like this: ${name}`);
+  card.more.setAttribute("aria-label", `Similar motions: ${name}`);
   card.rename.setAttribute("aria-label", `Rename ${name}`);
   card.keep.setAttribute("aria-label", `Keep for export: ${name}`);
   card.keep.checked = isKept;
