@@ -130,7 +130,7 @@ def curate(
     >>> import mograft as mg
     >>> from mograft.dancer import dance
     >>> take = dance(strides=1).motion
-    >>> curate(mg.Library.build([take, take, take[200:500]]), radius=1.0).kept
+    >>> curate(mg.Library.build([take, take]), radius=1.0).kept
     ['dance']
     """
     check_type("library", library, Library)
