@@ -14,7 +14,7 @@ from typing import Any
 
 from release.crates import Crate, read_crates
 from release.distributions import DISTRIBUTIONS, ROOT, Distribution
-from release.three import BUNDLES, read_licence, read_version
+from release.three import TARGET, read_licence, read_version
 
 _LICENCES_ELSEWHERE = {"ufbx": ROOT / "python-fbx" / "LICENSE-ufbx"}
 """Licence files of crates whose packages have none."""
@@ -120,8 +120,8 @@ def _describe_crate(crate: Crate, purl: str) -> dict[str, Any]:
 
 def _describe_three() -> dict[str, Any]:
     purl = f"pkg:npm/three@{read_version()}"
-    contents = [own.target.read_bytes() for own in BUNDLES]
-    hashes = [{"alg": "SHA-256", "content": hashlib.sha256(own).hexdigest()} for own in contents]
+    digest = hashlib.sha256(TARGET.read_bytes()).hexdigest()
+    hashes = [{"alg": "SHA-256", "content": digest}]
     named = {"type": "library", "bom-ref": purl, "name": "three", "version": read_version()}
     return {**named, "licenses": [{"expression": "MIT"}], "purl": purl, "hashes": hashes}
 
