@@ -27,6 +27,10 @@ def do(session, action, **fields):
     return session.do({"action": action, **fields}, session.revision)
 
 
+def shown_motion(session, name):
+    return next(own for own in session.state()["motions"] if own["id"] == name)
+
+
 def graft_of(session, motion):
     return session.workshop.graft(session.project.motion(motion).record)
 
@@ -226,6 +230,37 @@ def test_waiting_previews_are_replaced_by_the_last(session):
     for thread in threads:
         thread.join()
     assert [replies[x]["message"] for x in (10.0, 20.0, 30.0)] == ["superseded", "superseded", ""]
+
+
+def test_only_previews_are_cut_short_by_later_requests(session, monkeypatch):
+    monkeypatch.setattr(type(session), "is_superseded", lambda _: True)
+    action = {"action": "add_constraint", "id": "m1", "constraint": AVOID}
+    assert session.do({**action, "preview": True})["message"] == "superseded"
+    assert session.do(action)["motions"] == ["m1"]
+    assert [own["number"] for own in shown_motion(session, "m1")["constraints"]] == [0]
+
+
+def test_job_that_fails_is_announced_as_ended(session, monkeypatch):
+    shown = []
+    monkeypatch.setattr(type(session), "notify", lambda own: shown.append(list(own.jobs)))
+
+    def fail():
+        with session.job("make 3", 3):
+            raise ValueError("no donor")
+
+    with pytest.raises(ValueError, match="no donor"):
+        fail()
+    assert shown == [["make 3"], []]
+
+
+def test_renamed_motion_that_is_not_in_memory_keeps_its_measures(session):
+    before = shown_motion(session, "m1")
+    session.workshop._grafts.clear()
+    do(session, "rename", id="m1", name="other")
+    after = shown_motion(session, "m1")
+    assert after["name"] == "other"
+    for name in ("isReady", "cost", "new", "changed"):
+        assert after[name] == before[name]
 
 
 def test_action_on_another_revision_is_refused(session):

@@ -29,11 +29,12 @@ class LibraryBuilder:
             key = sources.library_key(desk.project)
             if key == desk.opened.key or self._is_closed:
                 return
-            if key in self._known:
-                self._show(self._known[key])
-                return
-            desk.opened = replace(desk.opened, key=key, status="building", done=0, total=0)
-        self._worker.submit(self._build, desk.project, key)
+            known = self._known.get(key)
+            if known is None:
+                desk.opened = replace(desk.opened, key=key, status="building", done=0, total=0)
+            else:
+                self._show(known)
+        self._worker.submit(self._build, desk.project, key, known)
 
     def flush(self) -> None:
         """Wait until the library is built."""
@@ -44,7 +45,7 @@ class LibraryBuilder:
         self._is_closed = True
         self._worker.shutdown(cancel_futures=True)
 
-    def _build(self, project: Project, key: tuple[Any, ...]) -> None:
+    def _build(self, project: Project, key: tuple[Any, ...], known: sources.Opened | None) -> None:
         desk = self._desk
 
         def is_old() -> bool:
@@ -58,28 +59,37 @@ class LibraryBuilder:
             event = {"kind": "progress", "id": "library", "text": text}
             desk.emit({**event, "done": done, "total": total})
 
-        try:
-            if not is_old():
-                self._finish(sources.build(project, progress), is_old)
-        except _NotWantedError:
+        if is_old():
             return
-        except Exception as error:  # it is shown; the session goes on
-            self._finish(sources.Opened(key, status="failed", message=str(error)), is_old)
+        opened = known
+        if opened is None:
+            try:
+                opened = sources.build(project, progress)
+            except _NotWantedError:
+                return
+            except Exception as error:  # it is shown; the session goes on
+                opened = sources.Opened(key, status="failed", message=str(error))
+            self._add(opened, is_old)
+        self._complete(opened, is_old)
 
-    def _finish(self, opened: sources.Opened, is_old: Callable[[], bool]) -> None:
-        """Show a library; then find the faults of its clips, and build motions again."""
+    def _add(self, opened: sources.Opened, is_old: Callable[[], bool]) -> None:
+        """Show a library that was built, and keep it."""
         desk = self._desk
         with desk.lock:
             if is_old():
                 return
-            while len(self._known) >= _MAX_LIBRARIES:
-                del self._known[next(iter(self._known))]
             if opened.library is not None:
+                while len(self._known) >= _MAX_LIBRARIES:
+                    del self._known[next(iter(self._known))]
                 self._known[opened.key] = opened
             self._show(opened)
             desk.add_hashes()
             desk.save()
         desk.notify()
+
+    def _complete(self, opened: sources.Opened, is_old: Callable[[], bool]) -> None:
+        """Build motions again, and find the faults of the clips of the library that is shown."""
+        desk = self._desk
         for own in desk.project.motions:
             if is_old():
                 return
@@ -88,7 +98,9 @@ class LibraryBuilder:
         with desk.lock:
             if is_old():
                 return
-            self._known[opened.key] = desk.opened = opened
+            desk.opened = opened
+            if opened.library is not None:
+                self._known[opened.key] = opened
         desk.notify()
 
     def _restore(self, own: ProjectMotion) -> None:

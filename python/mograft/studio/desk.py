@@ -88,6 +88,7 @@ class Desk:
         finally:
             with self.lock:
                 self.jobs.pop(text, None)
+            self.notify()
 
     # The project
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from mograft.config import Config, scale_of_variety
 from mograft.library.library import Library
 from mograft.provenance.graft_change import plan_of, unchanged
 from mograft.search.candidates import Candidate, list_candidates
@@ -35,8 +34,7 @@ def find(desk: Desk, question: Mapping[str, Any]) -> Json:
     frames, limit = fields.frames(), fields.integer("limit", _LIMIT, 1, _MAX_LIMIT)
     library, variety = graft.library, fields.number("variety")
     if variety is not None:
-        values = library.config.as_dict() | {"sigma_scale": scale_of_variety(variety)}
-        library = desk.workshop.configured(library, Config.from_dict(values))
+        library = desk.workshop.with_variety(library, variety)
     if group in graft.alternatives:
         cut = base_segments(graft, group)
         found = np.flatnonzero((cut.start == frames[0]) & (cut.stop == frames[1]))

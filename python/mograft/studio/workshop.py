@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mograft.body.loops import is_loop
-from mograft.config import Config
+from mograft.config import Config, scale_of_variety
 from mograft.errors import LibraryError, ProvenanceError
 from mograft.library.library import Library
 from mograft.library.origin import hash_library, hash_poses, is_partial
@@ -81,6 +81,11 @@ class Workshop:
             self._configured[key] = known  # the last one used is the last one forgotten
             return known
 
+    def with_variety(self, library: Library, variety: float) -> Library:
+        """Return a library whose neighbourhoods allow more or fewer donors."""
+        config = replace(library.config, sigma_scale=scale_of_variety(variety))
+        return self.configured(library, config)
+
     def add_records(self, records: Mapping[str, Record]) -> None:
         """Add the records of a project file, with its keys."""
         for key, record in records.items():
@@ -120,6 +125,8 @@ class Workshop:
         record = {**json.loads(self.texts[key]), "name": name}
         new, text = record_key(record)
         self._add_record(new, record, text)
+        if key in self.measures:
+            self.measures[new] = self.measures[key]
         graft = self._grafts.get(key)
         if graft is not None:
             self.keep(new, _renamed(graft, name))

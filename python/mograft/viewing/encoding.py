@@ -230,7 +230,9 @@ def _encode_windows(figures: Sequence[Figure], scene: Scene, max_rotations: int)
             spans = zip(ranks, table["source"], table["first"], table["last"], strict=True)
             listed += [(*span, figure.clip_of) for span in spans if span[1] not in shown]
     for _, name, first, last, clip_of in sorted(listed, key=lambda own: own[0]):
-        if name not in found and clip_of is not None:
+        if clip_of is None:
+            continue
+        if name not in found:
             motion = clip_of(name)
             found[name] = motion, np.zeros(motion.n_frames, bool)
         motion, mask = found[name]

@@ -8,7 +8,6 @@ import numpy as np
 from mograft._util.arrays import BoolArray
 from mograft._util.cancel import cancellable
 from mograft._util.runs import find_runs
-from mograft.config import Config, scale_of_variety
 from mograft.errors import join_names, suggest_name
 from mograft.library.library import Library
 from mograft.motion.segments import Segments
@@ -153,9 +152,7 @@ def regenerate_range(desk: Desk, fields: Fields) -> tuple[Project, str]:
     ranges = _open_ranges(own, graft, fields)
     variety = fields.number("variety")
     if variety is not None:
-        values = graft.library.config.as_dict() | {"sigma_scale": scale_of_variety(variety)}
-        library = desk.workshop.configured(graft.library, Config.from_dict(values))
-        graft = _with_library(graft, library)
+        graft = _with_library(graft, desk.workshop.with_variety(graft.library, variety))
     seed = fields.integer("seed", graft.seed + len(graft.history) + 1)
     return _revised(desk, own, regenerate(graft, ranges, seed)), f"regenerate {_text(fields)}"
 
@@ -209,9 +206,11 @@ def _constrained(
     alter: Callable[[list[Constraint]], list[Constraint]],
 ) -> Graft:
     locked = [(lock.group, (lock.first, lock.last)) for lock in own.locks]
-    new, is_quick = alter(list(graft.request.constraints)), fields.flag("preview")
+    new = alter(list(graft.request.constraints))
+    if not fields.flag("preview"):
+        return constrain(graft, new, locked=locked)
     with cancellable(desk.is_superseded):
-        return constrain(graft, new, locked=locked, is_quick=is_quick)
+        return constrain(graft, new, locked=locked, is_quick=True)
 
 
 def _decode(desk: Desk, fields: Fields) -> Constraint:

@@ -7,8 +7,6 @@ from mograft._util.validate import as_integer, is_integer
 from mograft.errors import suggest_name
 from mograft.search.constraints import Span, as_span
 
-_MISSING = object()
-
 
 class Fields:
     """Fields by name; methods return one, or raise ValueError that names it."""

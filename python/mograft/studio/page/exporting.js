@@ -13,10 +13,10 @@ export function startExport() {
   parts.exportForm.addEventListener("submit", write);
   for (const own of [parts.exportFormat, parts.exportFolder]) own.addEventListener("input", update);
   parts.exportClose.addEventListener("click", () => parts.exportDialog.close());
-  on("project", () => {
+  on("project selected", () => {
     const count = kept().length;
     parts.export.textContent = count ? `Export ${count}…` : "Export…";
-    parts.export.disabled = !motions().length;
+    parts.export.disabled = !count && !selected();
   });
 }
 

@@ -100,7 +100,7 @@ function solve() {
 async function finish() {
   const own = drag;
   drag = null;
-  if (!own) return;
+  if (!own || !(own.wanted || own.sent)) return;
   const record = recordOf(shapes.get(own.number));
   while (own.solving) await new Promise((resolve) => setTimeout(resolve, 20));
   await setConstraint(own.motion, own.number, record);

@@ -56,7 +56,7 @@ function write() {
   parts.noSegment.hidden = isShown;
   parts.segment.hidden = !isShown;
   if (!isShown) {
-    listed = "";
+    forget();
     preview(null);
     return;
   }
@@ -95,13 +95,20 @@ function describe({ group, first, last, isCaptured }) {
   return texts.join(" · ");
 }
 
+// An answer that is on its way belongs to another selection.
+function forget() {
+  clearTimeout(timer);
+  asked++;
+  listed = "";
+}
+
 function ask(isForced = false, wanted = LIMIT) {
   const [motion, { focus }] = [selected(), store];
   if (focus.isCaptured || focus.group === null || focus.isDragging) {
     parts.donorRows.replaceChildren();
     parts.donorCount.textContent = focus.group === null ? "Donors are listed for the frames of one group." : "";
     parts.moreDonors.hidden = parts.donors.hidden = true;
-    listed = "";
+    forget();
     return;
   }
   const { group, first, last } = focus;
@@ -121,7 +128,8 @@ function ask(isForced = false, wanted = LIMIT) {
       parts.donorRows.replaceChildren();
       return;
     }
-    writeDonors(found, focus, lockOf(motion, focus));
+    if (found.superseded) listed = ""; // by another window of the browser
+    else writeDonors(found, focus, lockOf(motion, focus));
   }, ASK_MILLISECONDS);
 }
 
