@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft import datasets
+from mograft.datasets import augmentation
 from mograft.datasets.augmentation import PROVENANCE
 from mograft.motion import rotations
 from tests.strategies import few_examples
@@ -65,6 +66,21 @@ def test_no_frame_of_other_parts_occurs(takes, seed, kind, source):
 def test_frames_of_a_leak_would_be_found(takes):
     test = takes[0].rotations[:, 1:]
     assert smallest_angles(test[:3], test).max() < 1e-6
+
+
+def test_windows_of_a_base_share_grafts_also_if_none_is_new_enough(stored, monkeypatch):
+    built, build = [], augmentation.build_graft
+
+    def count(*arguments):
+        built.append(arguments[3])
+        return build(*arguments)
+
+    monkeypatch.setattr(augmentation, "build_graft", count)
+    monkeypatch.setattr(augmentation, "frame_newness", lambda _: (np.zeros(10_000),))
+    windows = datasets.augment(stored, seconds=1.0)
+    assert len([windows[index] for index in range(3)]) == 3
+    assert len(built) > 1
+    assert sorted(built) == list(range(len(built)))
 
 
 def test_windows_are_parts_of_grafts(stored):

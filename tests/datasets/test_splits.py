@@ -8,8 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
+from mograft.datasets import copies, splits
 from mograft.datasets.copies import find_shared_clips
 from mograft.datasets.splits import assign_parts, select_part
+from mograft.library.discover import SourceFile
 from mograft.motion import rotations
 from tests.strategies import few_examples
 
@@ -106,6 +108,46 @@ def test_automatic_parts_divide_no_unit(stored, seed, key):
             assert len({parts[clip] for clip in clips}) == 1
 
 
+def test_copies_of_a_clip_that_is_fast_throughout_are_found(takes, monkeypatch):
+    """Also in a library of which only the slower segments are compared."""
+    monkeypatch.setattr(copies, "_FEWEST_SEGMENTS", 1)
+    turns = np.zeros((takes[0].n_frames, 1, 3))
+    turns[:, 0, 0] = 0.3 * np.arange(len(turns))
+    quats = rotations.multiply(rotations.exp(turns), takes[0].rotations)
+    fast = replace(takes[0], rotations=quats, channel_values=None, name="fast")
+    library = mg.Library.build([*takes, fast, replace(fast, name="copy")])
+    is_copy = np.array([name == "copy" for name in library.names])
+    assert library.names.index("fast") in find_shared_clips(library, ~is_copy, is_copy)
+    assert library.names.index("copy") in find_shared_clips(library, is_copy, ~is_copy)
+
+
+def tagged(takes, tags, files=None):
+    """A library whose clips have other tags, and files of the given contents."""
+    library = mg.Library.build(takes)
+    entries = [own._replace(tags=tag) for own, tag in zip(library.entries, tags, strict=True)]
+    if files is not None:
+        known = [SourceFile(f"{own}.bvh", 1, 1, own, "BVH") for own in files]
+        entries = [own._replace(source_file=f) for own, f in zip(entries, known, strict=True)]
+    return replace(library, entries=tuple(entries))
+
+
+def test_descriptions_are_no_tags(takes):
+    library = tagged(takes, [(f"text:take {n}",) for n in range(len(takes))])
+    with pytest.raises(ValueError, match="`split` needs tags"):
+        assign_parts(library, "auto:tag")
+    words = ["walk", "jump"] * 3
+    library = tagged(takes, [(f"p{n}", f"text:{word}") for n, word in enumerate(words)])
+    assert len(set(splits._units(library, "tag", "").tolist())) == len(takes)
+
+
+def test_automatic_parts_of_files_divide_no_file(takes):
+    library = tagged(takes, [()] * len(takes), ["a", "a", "b", "b", "c", "c"])
+    for seed in range(20):
+        parts = assign_parts(library, "auto:file", seed)
+        assert parts[::2] == parts[1::2]
+        assert set(parts) == {"train", "val", "test"}
+
+
 def test_table_selects_by_name_glob_and_tag(stored, tmp_path):
     table = tmp_path / "parts.csv"
     table.write_text("clip,part\ntag:p0,test\np1_*,val\np2_700,train\n")
@@ -124,6 +166,7 @@ def test_table_selects_by_name_glob_and_tag(stored, tmp_path):
         ("p0_100\n", ":1: expected a clip and its part"),
         ("p0_100,a\np0_*,b\n", "p0_100 is in a and in b"),
         ("p0_100,a\np0_100,b\n", ":2: p0_100 is in a and in b"),
+        (f"{'x' * 200_000},a\n", ":1: expected CSV"),
         ("p0_100,a\n", "`part` must be one of a; got 'train'"),
     ],
 )

@@ -14,7 +14,7 @@ from mograft._util.containers import LazySequence
 from mograft._util.names import find_matches
 from mograft._util.validate import as_integer, check_type
 from mograft.datasets.features import DEFAULT_FEATURES, Array, check_features, compute_features
-from mograft.datasets.splits import Part, Split, select_part
+from mograft.datasets.splits import Part, Split, plain_tags, select_part
 from mograft.library.files.stored_clips import StoredClips
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -27,8 +27,8 @@ from mograft.synthesis.newness import frame_newness
 _CACHED_FRAMES = 1 << 14
 """Frames of clips that stay in the memory of a process: donors of other bases use them again."""
 
-_CACHED_GRAFTS = 4  # whose other windows are accessed next
 _MAX_DRAWS = 8  # of which an item takes the first that is new enough
+_CACHED_GRAFTS = _MAX_DRAWS  # the other windows of the base are accessed next
 
 PROVENANCE = (
     *("window", "base", "base_start", "base_stop", "draw", "group", "start", "stop"),
@@ -360,7 +360,7 @@ def _order_bases(
     ranks = np.argsort(-(rng.random(len(clips)) ** (1.0 / n_windows)), kind="stable")
     sets: dict[tuple[str, ...], list[int]] = {}
     for rank in ranks.tolist():
-        sets.setdefault(library.entries[clips[rank]].tags, []).append(clips[rank])
+        sets.setdefault(plain_tags(library.entries[clips[rank]]), []).append(clips[rank])
     turns = [
         (turn, number, clip)
         for number, own in enumerate(sets.values())

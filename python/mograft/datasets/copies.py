@@ -94,6 +94,10 @@ class _SegmentIndex:
         reaches = np.sqrt(2.0 * (limits[0] ** 2).sum(axis=1))
         known = np.sort(reaches[moves])
         reach = float(known[: max(len(known) // 2, _FEWEST_SEGMENTS)][-1]) if len(known) else 0.0
+        # The slowest segment of each clip is among them: no clip is without one.
+        slowest = np.full(len(library.entries), np.inf)
+        np.minimum.at(slowest, library.segments.clip[segments[moves]], reaches[moves])
+        reach = max(reach, float(slowest[np.isfinite(slowest)].max(initial=0.0)))
         kept = np.flatnonzero(moves & (reaches <= reach))
         features = _features(ends[0][kept])
         mean = features.mean(axis=0) if len(kept) else np.zeros(features.shape[1])

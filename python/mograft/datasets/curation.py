@@ -1,4 +1,4 @@
-"""Choose few clips that hold nearly all movements of a library."""
+"""Choose clips of a library that are near all others."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -11,14 +11,12 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.validate import as_integer, check_type
 from mograft.blend.time_warp import warping_path
 from mograft.body.anatomy import feature_joints
+from mograft.datasets.splits import TEXT_TAG, plain_tags
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.resample import resample_segments
 from mograft.search.boundary_states import pose_gaps
 from mograft.search.constraints import Span, as_span, overlaps
-
-TEXT_TAG = "text:"
-"""How a tag begins that is the description of a clip."""
 
 _REFINED = 2  # times as many spans as are wanted are compared by their frames
 _MAX_WARPED_FRAMES = 600  # of the query; longer ones are compared at fewer times
@@ -227,7 +225,7 @@ def find_words(library: Library, text: str) -> list[tuple[int, float]]:
         rows = []
         for index, entry in enumerate(library.entries):
             notes = [tag.removeprefix(TEXT_TAG) for tag in entry.tags if tag.startswith(TEXT_TAG)]
-            tags = [tag for tag in entry.tags if not tag.startswith(TEXT_TAG)]
+            tags = plain_tags(entry)
             name = entry.name.encode("utf-8", "replace").decode()
             rows.append((index + 1, name, " ".join(tags), " ".join(notes)))
         database.executemany("INSERT INTO clip(rowid, name, tags, text) VALUES (?, ?, ?, ?)", rows)

@@ -2,17 +2,19 @@
 
 import csv
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, IntArray
 from mograft.datasets.copies import find_shared_clips
 from mograft.errors import join_names, suggest_name
+from mograft.library.clip_table import ClipInfo
 from mograft.library.library import Library
 
 Split = str | PathLike[str] | Mapping[str, str]
@@ -20,6 +22,15 @@ Split = str | PathLike[str] | Mapping[str, str]
 
 AUTOMATIC_SHARES = {"train": 0.8, "val": 0.1, "test": 0.1}
 """Parts of automatic splits, with their shares of all frames."""
+
+
+TEXT_TAG = "text:"
+"""How a tag begins that is the description of a clip."""
+
+
+def plain_tags(entry: ClipInfo) -> tuple[str, ...]:
+    """Return the tags of a clip without descriptions."""
+    return tuple(tag for tag in entry.tags if not tag.startswith(TEXT_TAG))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +86,7 @@ def read_split(path: Path) -> dict[str, str]:
     table: dict[str, str] = {}
     with path.open(encoding="utf-8-sig", newline="") as stream:
         rows = csv.reader(stream)
-        for row in rows:
+        for row in _valid_rows(rows, path):
             cells = [cell.strip() for cell in row]
             heading = rows.line_num == 1 and cells and cells[0].lower() in ("clip", "file", "tag")
             if not any(cells) or heading:
@@ -88,6 +99,14 @@ def read_split(path: Path) -> dict[str, str]:
                 raise ValueError(f"{place}: {cells[0]} is in {known} and in {cells[1]}")
             table[cells[0]] = cells[1]
     return table
+
+
+def _valid_rows(rows: Any, path: Path) -> Iterator[list[str]]:  # noqa: ANN401 - of a csv reader
+    """Yield rows of a CSV file; raise ValueError with the number of a line that is none."""
+    try:
+        yield from rows
+    except csv.Error as error:
+        raise ValueError(f"{path}:{rows.line_num}: expected CSV: {error}") from error
 
 
 def _parts_of_table(library: Library, table: Mapping[str, str], source: str) -> list[str]:
@@ -126,9 +145,11 @@ def _automatic_parts(library: Library, text: str, seed: int) -> list[str]:
             f"{len(n_frames)}; auto:tag:GLOB selects tags, such as those of performers"
         )
     names, shares = list(AUTOMATIC_SHARES), np.array(list(AUTOMATIC_SHARES.values()))
-    # Hashes of names do not depend on the order or the number of other clips.
-    first_clips = np.unique(units, return_index=True)[1].tolist()
-    firsts = [library.entries[clip].name for clip in first_clips]
+    # Hashes of names do not depend on the order of the clips.
+    firsts = [
+        min(library.entries[clip].name for clip in np.flatnonzero(units == unit).tolist())
+        for unit in range(len(n_frames))
+    ]
     order = sorted(range(len(n_frames)), key=lambda unit: _digest(seed, firsts[unit]))
     assigned, part_of = np.zeros(len(names)), np.zeros(len(n_frames), np.int64)
     for n_left, unit in zip(range(len(order), 0, -1), order, strict=True):
@@ -144,14 +165,14 @@ def _units(library: Library, kind: str, pattern: str) -> IntArray:
     """Return for each clip the number of its unit: clips with a file or tag in common are one."""
     keys: list[list[str]] = []
     for entry in library.entries:
-        file, tags = entry.source_file, entry.tags
+        file, tags = entry.source_file, plain_tags(entry)
         if pattern:
-            tags = tuple(tag for tag in tags if fnmatchcase(tag, pattern))
+            tags = tuple(tag for tag in entry.tags if fnmatchcase(tag, pattern))
         if kind != "tag":
             tags = (file.sha256 if file and kind == "file" else entry.name,)
         keys.append(list(tags) or [f"\0{entry.name}"])
     if kind == "tag" and not any(own and not own[0].startswith("\0") for own in keys):
-        known = join_names(sorted({tag for entry in library.entries for tag in entry.tags}))
+        known = join_names(sorted({tag for entry in library.entries for tag in plain_tags(entry)}))
         raise ValueError(f"`split` needs tags, no clip has one that matches; the tags: {known}")
     parent: dict[str, str] = {}
 

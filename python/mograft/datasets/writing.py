@@ -115,13 +115,10 @@ def write(
         raise FileExistsError(f"{target} exists: resume the run, or choose another folder")
     target.mkdir(parents=True, exist_ok=True)
     with exclusive_lock(target / ".lock"):
-        try:
-            state, is_complete = _find_state(target, request)
-            if not is_complete:
-                _write_shards(windows, target, request, state, executor, progress)
-            return _finish(windows, target, request, state)
-        finally:
-            (target / ".lock").unlink(missing_ok=True)
+        state, is_complete = _find_state(target, request)
+        if not is_complete:
+            _write_shards(windows, target, request, state, executor, progress)
+        return _finish(windows, target, request, state)
 
 
 def _request(windows: Augmentation, count: int, format_: str) -> dict[str, Any]:

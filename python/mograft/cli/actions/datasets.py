@@ -145,7 +145,7 @@ def _describe_hit(hit: Hit, rate: float) -> str:
 
 
 def run_curate(options: CurateOptions) -> int:
-    """Choose few clips that hold nearly all movements of a library."""
+    """Choose clips of a library that are near all others."""
     if options.radius is not None and options.keep is not None:
         raise UsageError("--keep cannot be combined with --radius")
     if options.output is not None:

@@ -75,7 +75,7 @@ class FindOptions(options.WriterOptions, section="output"):
 
 
 class CurateOptions(options.WriterOptions, section="output"):
-    """Choose few clips that hold nearly all movements of a library.
+    """Choose clips of a library that are near all others.
 
     Every segment without faults of a dropped clip is within the radius of a segment of a kept clip,
     in the embedding of the library. The files of the kept clips are printed.

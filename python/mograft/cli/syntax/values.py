@@ -7,13 +7,12 @@ import math
 import re
 from argparse import ArgumentTypeError
 from pathlib import Path
-from typing import Annotated, NamedTuple, TypeVar
+from typing import Annotated, NamedTuple
 
 from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
 from mograft.cli.syntax.converters import Value, number, one_of, parser
 from mograft.errors import suggest_name
 
-T = TypeVar("T")
 _MAX_SECONDS = 1e9  # times the frame rate of any file, this is a finite number of frames
 
 SHAPES = {
