@@ -78,7 +78,7 @@ class ZeroMomentTrack:
     ) -> "ZeroMomentTrack":
         """Measure a motion with the segments `cut`."""
         height = mass_model(motion.skeleton).height
-        center = _smooth(center_of_mass(motion), SMOOTHING_SECONDS * motion.rate)
+        center = smooth_tracks(center_of_mass(motion), SMOOTHING_SECONDS * motion.rate)
         acceleration = np.gradient(np.gradient(center, axis=0), axis=0) * motion.rate**2
         floor = float(ground.floors.min())
         points, is_loaded = zero_moment_points(center, acceleration, ground.up, floor, height)
@@ -167,7 +167,7 @@ def added_imbalances(
     )
 
 
-def _smooth(tracks: FloatArray, sigma: float) -> FloatArray:
+def smooth_tracks(tracks: FloatArray, sigma: float) -> FloatArray:
     """Smooth tracks, shape (n_frames, n), by a Gaussian of `sigma` frames.
 
     Beyond both ends they continue by point reflection, so that smoothing keeps the velocity there.

@@ -4,8 +4,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from mograft._util.gaussian import gaussian_filter_columns
-from mograft.analysis.zero_moment import SMOOTHING_SECONDS
+from mograft.analysis.zero_moment import SMOOTHING_SECONDS, smooth_tracks
 from mograft.body import support_polygon as body
 from mograft.body.capsules import Poses
 from mograft.body.contacts import Ground, skating_share
@@ -67,7 +66,7 @@ def _share_outside(motion: Motion, hinges: Hinges, poses: Poses, base: Motion | 
     """Return the share of the frames on the floor whose zero-moment point is outside the feet."""
     centers = poses.positions + rotations.rotate(poses.rotations, hinges.centers)
     center = (hinges.masses[:, None] * centers).sum(axis=1) / max(hinges.masses.sum(), 1e-9)
-    center = gaussian_filter_columns(center, SMOOTHING_SECONDS * motion.rate)
+    center = smooth_tracks(center, SMOOTHING_SECONDS * motion.rate)
     moved = np.gradient(np.gradient(center, axis=0), axis=0) * motion.rate**2
     support = body.support_polygons(motion, floor_reference=base)
     # Lengths are metres: with this height gravity is not scaled.

@@ -26,9 +26,6 @@ Address = tuple[str, int]
 Frame = tuple[FloatArray, FloatArray]
 """Rotations of all joints, and the position of the joint that carries the body."""
 
-OUT_PORT = 39539
-"""Port at which receivers of VMC listen."""
-
 _MAX_PACKET = 65_536
 _MAX_PACKETS_PER_SECOND = 1_000  # others are dropped; a sender of two packets a frame has 240
 _HOLD_SECONDS = 0.5  # after the last packet, from when on the base is held

@@ -169,9 +169,10 @@ def read_bones(messages: Sequence[Message]) -> tuple[dict[str, Place], float | N
         if address == "/VMC/Ext/T" and numbers:
             time = float(numbers[0])
         elif address in _PLACES:
-            name = ROOT if address == _PLACES[1] else arguments[0] if arguments else None
+            is_root = address == _PLACES[1]
+            name = ROOT if is_root else arguments[0] if arguments else None
             length = float(np.linalg.norm(numbers[3:])) if len(numbers) == 7 else 0.0
-            if name not in (ROOT, *BONES) or abs(length - 1.0) > _MAX_NORM_ERROR:
+            if not (is_root or name in BONES) or abs(length - 1.0) > _MAX_NORM_ERROR:
                 n_invalid += 1
                 continue
             turn = (own / length for own in numbers[3:])
