@@ -1,4 +1,4 @@
-"""`Config.paper()` against a second implementation, which was written from the paper alone."""
+"""`Config.paper()` against a second implementation, which was written from its description."""
 
 import warnings
 from itertools import pairwise
