@@ -168,7 +168,7 @@ class Hinges:
     def _within_limits(
         self, quats: FloatArray, base: FloatArray, moved: BoolArray, rate: float
     ) -> FloatArray:
-        """Return rotations whose angles and speeds exceed limits no farther than those of `base`."""
+        """Return rotations that keep the limits as well as `base` does."""
         angles, given = self.angles(quats), self.angles(base)
         steps = np.abs(np.diff(given, axis=0)).max(axis=0, initial=0.0)
         pace = (len(given) - 1) / max(len(angles) - 1, 1)  # frames of `base` in a frame
