@@ -39,6 +39,7 @@ EXPERIMENTS = (
     "generators",
     "tradeoff",
     "learning",
+    "editing",
 )
 CODE = "code.csv"  # the version of the code that measured each experiment
 FACTS = "facts"  # name under which the numbers of clips, frames and segments are stored

@@ -24,6 +24,7 @@ from lab.experiments import (
     balance,
     cache,
     constants,
+    editing,
     learning,
     readings,
     run,
@@ -368,3 +369,37 @@ def test_mean_estimate_interval_is_students():
     values = np.random.default_rng(0).normal(size=10)
     expected = ttest_1samp(values, 0).confidence_interval(0.95)
     assert learning.mean_estimate(values)["interval"] == pytest.approx([*expected])
+
+
+def test_editor_learns_planted_arms_and_exposes_wrong_pairs():
+    """Arms that are a function of the legs are found; pairs with other arms make the error grow."""
+    clips = [take.motion for take in dance(seed=5, strides=2).takes(12)]
+    groups = mograft.JointGroups.preset("lower_upper", clips[0].skeleton).groups
+    legs, arms = (
+        [clips[0].skeleton.index(name) for name in groups[own]] for own in ("lower", "upper")
+    )
+
+    def plant(clip, rng=None):
+        turns = np.zeros((clip.n_frames, len(arms), 3))
+        driver = rotations.log(clip.rotations[:, legs[1]])
+        if rng is None:
+            turns[:, ::2] = driver[:, None]
+        else:
+            turns[:, ::2] = rng.normal(0, 0.5, (1, 1, 3))
+        quats = clip.rotations.copy()
+        quats[:, arms] = rotations.exp(turns)
+        return replace(clip, rotations=quats, channel_values=None)
+
+    labelled = LabelledClips(tuple(map(plant, clips)), np.array(["a"] * len(clips)))
+    rng = np.random.default_rng(0)
+
+    def mix(train, _):
+        wrong = tuple(plant(clip, rng) for clip in train.clips for _ in range(2))
+        return LabelledClips(wrong, np.repeat(train.labels, 2))
+
+    pool, test = labelled.choose(range(8)), labelled.choose(range(8, 12))
+    schemes = {"none": SCHEMES["none"], "wrong": mix}
+    scores = editing.run_draws(pool, test, 6, 2, schemes)["scores"]
+    best, wrong, mean = (np.mean(scores[own]) for own in ("none", "wrong", editing.MEAN_POSE))
+    assert best < 0.3 * mean
+    assert wrong > 1.5 * best
