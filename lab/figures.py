@@ -1,7 +1,6 @@
 """Draw the figures of ``docs/evidence.md`` from the tables in ``lab/results``."""
 
 import argparse
-import itertools
 import sys
 from pathlib import Path
 
@@ -107,7 +106,7 @@ def seams(folder):
 def generators(folder):
     """Gross AUC of windows of several generators."""
     rows = read_csv(folder / "generators-auc.csv")
-    names = ("captured", "graft", "random donors", "CutMix", "GenMM, upper body", "motion matching")
+    names = ("captured", "graft", "random donors", "CutMix", "GenMM, upper body")
     return draw_rows({name: (rows, name) for name in names}, "AUC", 0.5)
 
 
@@ -132,14 +131,26 @@ def collisions(folder):
     )
 
 
+STYLES = {
+    "balls": ("o-", LINES[0]),
+    "clusters": ("s-", LINES[1]),
+    "nearest": ("^-", LINES[2]),
+    "random, by cost": ("v-", LINES[3]),
+    "random donors": ("D", INK),
+    "CutMix": ("P", INK),
+    "motion matching": ("X", INK),
+    "GenMM, upper body": ("*", INK),
+}
+"""Marker and colour of the methods in `tradeoff`: lines of several settings, or one point."""
+
+
 def tradeoff(folder):
     """Gross AUC of changed windows against the mean angle to the base, by method and source."""
     rows = read_csv(folder / "tradeoff-settings.csv")
-    names = dict.fromkeys(row["source"] for row in rows)
-    methods = dict.fromkeys(row["method"] for row in rows if row["method"] != "noise")
-    figure, axes = create_panels(len(names), 3, 1.5, has_labels=False, width=2.2)
+    names = dict.fromkeys(own["source"] for own in rows if own["source"] not in DEVELOPMENT)
+    figure, axes = create_panels(len(names), 3, 1.5, has_labels=False, width=2.4)
     for ax, name in zip(axes, names, strict=False):
-        for method, style in zip(methods, itertools.product("os^v", LINES), strict=False):
+        for method, (style, colour) in STYLES.items():
             own = [row for row in rows if (row["source"], row["method"]) == (name, method)]
             points = sorted(
                 (float(row["newness, degrees"]), float(row["AUC, gross"]))
@@ -147,13 +158,16 @@ def tradeoff(folder):
                 if row["AUC, gross"]
             )
             if points:
-                marker, colour = style
-                dash = f"{marker}-" if len(points) > 1 else marker
-                ax.plot(*zip(*points, strict=True), dash, color=colour, markersize=3, label=method)
+                x, y = zip(*points, strict=True)
+                ax.plot(x, y, style, color=colour, markersize=3.5, linewidth=1.2, label=method)
         ax.axhline(0.5, color=FAINT, linewidth=1, zorder=0)
+        ax.set_ylim(0.35, 1.0)
         ax.set_title(f"{name} ({SOURCES[name].use})", fontsize=8, color=INK, loc="left")
         ax.set_xlabel("newness, degrees", fontsize=7.5, color=INK)
-    axes[0].legend(fontsize=6, frameon=False, labelcolor=INK)
+    labels = axes[0].get_legend_handles_labels()
+    figure.legend(
+        *labels, ncols=4, loc="outside upper left", fontsize=7, frameon=False, labelcolor=INK
+    )
     return figure
 
 
