@@ -14,7 +14,8 @@ from mograft._util.containers import LazySequence
 from mograft._util.names import find_matches
 from mograft._util.validate import as_integer, check_type
 from mograft.datasets.features import DEFAULT_FEATURES, Array, check_features, compute_features
-from mograft.datasets.splits import Part, Split, plain_tags, select_part
+from mograft.datasets.splits import Part, Split, select_part
+from mograft.library.clip_keys import plain_tags
 from mograft.library.files.stored_clips import StoredClips
 from mograft.library.library import Library
 from mograft.motion.motion import Motion

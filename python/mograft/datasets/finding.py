@@ -11,7 +11,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.validate import as_integer, check_type
 from mograft.blend.time_warp import warping_path
 from mograft.body.anatomy import feature_joints
-from mograft.datasets.splits import TEXT_TAG, plain_tags
+from mograft.library.clip_keys import TEXT_TAG, plain_tags
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.resample import resample_segments
