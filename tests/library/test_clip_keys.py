@@ -23,6 +23,7 @@ KEYS = st.one_of(
     NAMES,
     NAMES.map("{}.bvh".format),
     PATHS.map(lambda own: "/".join(own)),
+    PATHS.map(lambda own: f"/clips/{'/'.join(own)}"),
     PATHS.map(lambda own: "/".join(own[1:]) + ".bvh"),
     st.sampled_from(["w*", "*/run.bvh", "k"]),
 )
@@ -39,7 +40,7 @@ def test_keys_match_ends_of_paths(table, paths):
         for key, value in table.items():
             own = Path(address)
             ends = [address, str(own.with_suffix(""))]
-            is_end = any(f"/{end}".endswith(f"/{key}") for end in ends)
+            is_end = any(end == key or end.endswith(f"/{key}") for end in ends)
             is_glob = (key == "w*" and path[2] == "walk") or (
                 key == "*/run.bvh" and path[2] == "run"
             )
