@@ -206,6 +206,11 @@ class Augmentation(LazySequence[dict[str, Array]]):
         plan = GraftPlan.build(self.donors, base, None, ())
         return plan, plan.choose_donors(count, int.from_bytes(digest[:8], "big"))
 
+    def build(self, base: int, draws: Sequence[int]) -> list[Graft]:
+        """Return the grafts on a base clip with the numbers `draws`, as they are in data sets."""
+        plan, drawn = self._draw(base, max(draws) + 1)
+        return [build_graft(plan, drawn[draw], self.seed, draw) for draw in draws]
+
     def _graft(self, base: int, draw: int) -> Graft:
         graft = self._grafts.get((base, draw))
         if graft is None:

@@ -22,13 +22,14 @@ from mograft._util.extras import import_extra
 from mograft._util.validate import as_integer, check_choice, check_type
 from mograft.datasets.augmentation import PROVENANCE, Augmentation, JobResult, Window
 from mograft.datasets.features import FEATURES
+from mograft.datasets.measuring import TABLE, Places, coverage
 from mograft.datasets.shards import FORMATS, SHARD_SIZE, write_files
 from mograft.errors import MograftError
 from mograft.io.csv import without_formula
 from mograft.library.origin import hash_library
 
 SCHEMA = "mograft.dataset/1"
-MANIFEST, TABLE = "manifest.json", "provenance.csv"
+MANIFEST = "manifest.json"
 
 _MAX_PENDING_JOBS = 16
 _PARTS = ".provenance"
@@ -267,10 +268,13 @@ def _report(windows: Augmentation, folder: Path, state: _State) -> dict[str, Any
     """Return a summary of the provenance: how new the windows are, and how much they use."""
     library, part, donors = windows.library, windows.part, Counter[tuple[str, ...]]()
     measures: dict[str, tuple[float, ...]] = {}
+    used: Places = {name: set() for name in library.groups.names}
     bases, n_captured, n_parts = Counter[str](), 0, 0
     with (folder / TABLE).open(encoding="utf-8", newline="") as stream:
         for row in csv.DictReader(stream):
-            donors[row["clip"], row["clip_start"], row["clip_stop"]] += 1
+            donors[row["clip"], row["clip_start"]] += 1
+            used[row["group"]].add((row["clip"], row["clip_start"]))
+            used[library.groups.base].add((row["base"], row["start"]))
             n_parts, n_captured = n_parts + 1, n_captured + (row["is_captured"] == "True")
             if row["window"] not in measures:
                 bases[row["base"]] += 1
@@ -288,6 +292,7 @@ def _report(windows: Augmentation, folder: Path, state: _State) -> dict[str, Any
         "degrees_at_widest_seam": float(np.median(gap)),
         "captured_parts": n_captured / max(n_parts, 1),
         "segments_used": len(donors),
+        "coverage": coverage(windows, used),
         "segments_usable": n_donors,
         "segments_with_faults": int((~library.is_donor & is_ours).sum()),
         "rejected_windows": state.n_rejected,
