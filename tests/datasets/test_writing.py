@@ -397,5 +397,6 @@ def test_measure_states_intervals(tmp_path, capsys):
     assert main(words.split()) == 0
     out, err = capsys.readouterr()
     found = json.loads(out)["detectability"]["seams"]["gross"]
-    assert 0 <= found["low"] <= found["value"] <= found["high"] <= 1
+    low, high = found["interval"]
+    assert 0 <= low <= found["value"] <= high <= 1
     assert "AUC of classifiers, seams: 0." in err

@@ -9,7 +9,6 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
-from functools import lru_cache
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from mograft._util.documents import read_document
 from mograft._util.extras import import_extra
 from mograft._util.validate import as_integer, check_choice, check_type
 from mograft.datasets.augmentation import PROVENANCE, Augmentation, JobResult, Window
+from mograft.datasets.executors import call_with
 from mograft.datasets.features import FEATURES
 from mograft.datasets.measuring import TABLE, Places, coverage
 from mograft.datasets.shards import FORMATS, SHARD_SIZE, write_files
@@ -309,13 +309,14 @@ def _run_jobs(
     if executor is None:
         job = first
         while True:
-            yield job, windows.run_job(job, FORMATS[format_].encode)
+            yield job, _run_job(windows, format_, job)
             job += 1
     payload, pending, job = pickle.dumps(windows), deque[Future[JobResult]](), first
     try:
         while True:
             while len(pending) < _MAX_PENDING_JOBS:
-                pending.append(executor.submit(_work, payload, format_, job + len(pending)))
+                later = job + len(pending)
+                pending.append(executor.submit(call_with, payload, _run_job, format_, later))
             yield job, pending.popleft().result()
             job += 1
     finally:
@@ -323,12 +324,5 @@ def _run_jobs(
             future.cancel()
 
 
-@lru_cache(maxsize=1)
-def _unpickle(payload: bytes) -> Augmentation:
-    windows: Augmentation = pickle.loads(payload)
-    return windows
-
-
-def _work(payload: bytes, format_: str, job: int) -> JobResult:
-    """Run a job in a worker, which opens the library once."""
-    return _unpickle(payload).run_job(job, FORMATS[format_].encode)
+def _run_job(windows: Augmentation, format_: str, job: int) -> JobResult:
+    return windows.run_job(job, FORMATS[format_].encode)

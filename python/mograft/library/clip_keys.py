@@ -3,7 +3,7 @@
 import csv
 import re
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from os import PathLike, fspath
 from pathlib import Path
@@ -97,114 +97,81 @@ def read_tags(
     joined.
     """
     is_parquet = Path(fspath(path)).suffix.lower() in (".parquet", ".pq")
-    rows = _parquet_rows(path, columns) if is_parquet else _csv_rows(path, columns)
     table: dict[str, tuple[str, ...]] = {}
-    twice: dict[str, None] = {}
-    for clip, tags in rows:
-        if clip in table:
-            twice[clip] = None
-        table[clip] = (*table.get(clip, ()), *tags)
+    heading, at, wanted, twice = list[str](), 0, list[int](), dict[str, None]()
+    for number, (line, cells) in enumerate(
+        _parquet_rows(path, columns) if is_parquet else _csv_rows(path)
+    ):
+        place = f"{path}:{line}"
+        names = [cell.lower() for cell in cells]
+        if not number and (is_parquet or names[0] in _CLIP_COLUMNS or "filename" in names):
+            heading = cells
+            at = next((names.index(name) for name in _CLIP_COLUMNS if name in names), -1)
+            for name in columns or ():
+                if name not in heading:
+                    hint = suggest_name(name, heading)
+                    raise ValueError(f"{path}: no column {name!r} in {join_names(heading)}{hint}")
+            wanted = [heading.index(name) for name in (heading if columns is None else columns)]
+            continue
+        if at < 0 or (columns is not None and not heading):
+            expected = ", ".join(columns or _CLIP_COLUMNS)
+            raise ValueError(f"{path}: expected a heading with one of {expected}")
+        tags = [
+            _tag(cells[index], heading[index] if index < len(heading) else "")
+            for index in (wanted if columns is not None else range(len(cells)))
+            if index != at and index < len(cells) and cells[index]
+        ]
+        is_whole = len(cells) == len(heading) > 1
+        if at >= len(cells) or not cells[at] or not (tags or is_whole):
+            raise ValueError(f"{place}: expected a clip and its tags, got {cells}")
+        if cells[at] in table:
+            twice[cells[at]] = None
+        table[cells[at]] = (*table.get(cells[at], ()), *tags)
     if twice:
-        names = join_names(list(twice), _N_NAMED)
+        clips = join_names(list(twice), _N_NAMED)
         warnings.warn(
-            f"{len(twice)} clips of {path} are in several rows, whose tags are joined: {names}",
+            f"{len(twice)} clips of {path} are in several rows, whose tags are joined: {clips}",
             stacklevel=2,
         )
     return table
 
 
-def _csv_rows(
-    path: str | PathLike[str], columns: Sequence[str] | None
-) -> Iterator[tuple[str, list[str]]]:
+def _csv_rows(path: str | PathLike[str]) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number of each line that is not empty, and its cells."""
     with open(path, encoding="utf-8-sig", newline="") as stream:
         rows = csv.reader(stream)
-        heading: list[str] = []
-        at, wanted = 0, None if columns is None else list[int]()
         try:
             for row in rows:
-                cells = [cell.strip() for cell in row]
-                if not any(cells):
-                    continue
-                if not heading and rows.line_num == 1 and _is_heading(cells):
-                    heading = cells
-                    at, wanted = _choose(heading, columns, path)
-                    continue
-                if wanted is not None and not heading:
-                    raise ValueError(
-                        f"{path}:1: expected a heading with {join_names(columns or ())}"
-                    )
-                tags = [
-                    _tag(cell, heading[index] if index < len(heading) else "")
-                    for index, cell in enumerate(cells)
-                    if cell and index != at and (wanted is None or index in wanted)
-                ]
-                is_whole = bool(heading) and len(cells) == len(heading) > 1
-                if at >= len(cells) or not cells[at] or not (tags or is_whole):
-                    raise ValueError(
-                        f"{path}:{rows.line_num}: expected a clip and its tags, got {row}"
-                    )
-                yield cells[at], tags
+                if any(cells := [cell.strip() for cell in row]):
+                    yield rows.line_num, cells
         except csv.Error as error:
             raise ValueError(f"{path}:{rows.line_num}: expected CSV: {error}") from error
 
 
 def _parquet_rows(
     path: str | PathLike[str], columns: Sequence[str] | None
-) -> Iterator[tuple[str, list[str]]]:
+) -> Iterator[tuple[int, list[str]]]:
+    """Yield the names of the columns of texts, of `columns` and of clips, and then the rows."""
     arrow = import_extra("pyarrow", "Parquet needs pyarrow", "parquet")
     parquet = import_extra("pyarrow.parquet", "Parquet needs pyarrow", "parquet")
     with open(path, "rb") as stream:
         try:
             file = parquet.ParquetFile(stream)
-            schema = file.schema_arrow
-            at, wanted = _choose(schema.names, columns, path)
-            texts = [
-                index
-                for index, kind in enumerate(schema.types)
-                if arrow.types.is_string(kind)
-                or arrow.types.is_large_string(kind)
-                or arrow.types.is_dictionary(kind)
+            used = [
+                own.name
+                for own in file.schema_arrow
+                if "string" in str(own.type) or own.name in {*_CLIP_COLUMNS, *(columns or ())}
             ]
-            used = [own for own in (texts if wanted is None else wanted) if own != at]
-            names = [schema.names[index] for index in (at, *used)]
+            yield 0, used
             number = 0
-            for batch in file.iter_batches(columns=list(dict.fromkeys(names))):
-                lists = [batch.column(name).to_pylist() for name in names]
-                for clip, *cells in zip(*lists, strict=True):
+            for batch in file.iter_batches(columns=used):
+                for cells in zip(*(batch.column(name).to_pylist() for name in used), strict=True):
                     number += 1
-                    if clip is None or not str(clip).strip():
-                        raise ValueError(f"{path}, row {number}: expected a clip, got {clip!r}")
-                    pairs = zip(cells, names[1:], strict=True)
-                    given = [(str(cell).strip(), name) for cell, name in pairs if cell is not None]
-                    yield str(clip).strip(), [_tag(cell, name) for cell, name in given if cell]
+                    yield number, ["" if cell is None else str(cell).strip() for cell in cells]
         except arrow.ArrowException as error:
             raise ValueError(f"{path}: expected Parquet: {error}") from error
 
 
-def _is_heading(cells: Sequence[str]) -> bool:
-    return cells[0].lower() in _CLIP_COLUMNS or "filename" in [cell.lower() for cell in cells]
-
-
-def _choose(
-    heading: Sequence[str], columns: Iterable[str] | None, path: str | PathLike[str]
-) -> tuple[int, list[int] | None]:
-    """Return the column of the clips, and those of `columns`, by the names of all columns."""
-    known = [name.lower() for name in heading]
-    clip = next((name for name in _CLIP_COLUMNS if name in known), None)
-    if clip is None:
-        raise ValueError(
-            f"{path}: expected a column named {', '.join(_CLIP_COLUMNS)}; got {join_names(heading)}"
-        )
-    if columns is None:
-        return known.index(clip), None
-    for name in columns:
-        if name not in heading:
-            hint = suggest_name(name, heading)
-            raise ValueError(f"{path}: no column is named {name!r}{hint}: {join_names(heading)}")
-    return known.index(clip), [list(heading).index(name) for name in columns]
-
-
 def _tag(cell: str, column: str) -> str:
-    """Return a cell as a tag; the first letter of its column's heading may be upper case."""
-    words = re.sub(r"[^a-z]+", " ", column.lower())
-    return f"{TEXT_TAG}{cell}" if _TEXT_COLUMN.search(words) else cell
+    """Return a cell as a tag, a description if the heading of its column says so."""
+    return f"{TEXT_TAG}{cell}" if _TEXT_COLUMN.search(column.lower()) else cell
