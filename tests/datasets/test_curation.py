@@ -4,6 +4,7 @@ import csv
 import json
 import re
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -54,19 +55,32 @@ def test_dropped_segments_are_within_the_radius(with_copies, radius, part):
 
 
 @few_examples(10)
-@given(radius=st.floats(0.3, 3.0))
-def test_choices_of_shards_are_chosen_from_within_twice_the_radius(with_copies, radius):
+@given(radius=st.floats(0.3, 5.0), shards=st.integers(2, 20))
+def test_dropped_segments_are_within_the_radius_of_choices_in_shards(with_copies, radius, shards):
     library, clips = with_copies, with_copies.segments.clip
-    kept = []
-    for half in (0, 1):
-        shard = replace(library, is_donor=clips % 2 == half)
-        kept += datasets.curate(shard, radius=radius).kept
-    is_left = np.isin(library.names, kept)[clips]
-    final = datasets.curate(replace(library, is_donor=is_left), radius=radius).kept
+    found = datasets.curate(library, radius=radius, shards=shards)
+    assert found.radius == radius
     points = spread(library, None)
-    is_kept = np.isin(library.names, final)[clips]
+    is_kept = np.isin(library.names, found.kept)[clips]
     gaps = np.linalg.norm(points[:, None] - points[is_kept][None], axis=2).min(axis=1)
-    assert gaps.max() <= 2 * radius * (1 + 1e-9)
+    assert gaps.max() <= radius * (1 + 1e-9)
+    for clip, own in enumerate(found.choices):
+        assert own.nearest == pytest.approx(gaps[clips == clip].max(), abs=1e-9)
+    assert len(found.curve) == len(found.kept)
+    assert found.curve[-1] == (sum(own.frames for own in found.choices if own.is_kept), 1.0)
+
+
+def test_executors_choose_the_same_clips(stored, takes):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+    expected = datasets.curate(stored, keep=0.8, shards=3).choices
+    cluster = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
+    )
+    with cluster, distributed.Client(cluster) as client:
+        found = datasets.curate(stored, keep=0.8, shards=3, executor=client.get_executor())
+    assert found.choices == expected
+    with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match="`executor` needs"):
+        datasets.curate(mg.Library.build(takes[:2]), executor=pool)
 
 
 def test_copies_are_dropped(with_copies):
@@ -92,6 +106,7 @@ def test_share_is_not_exceeded(with_copies, share):
     [
         ({"radius": 1.0, "keep": 0.1}, "together with `radius`"),
         ({"radius": 0.0}, "`radius` must be"),
+        ({"shards": 0}, "`shards` must be"),
         ({"keep": 1.5}, "`keep` must be"),
         ({"keep": 0.001}, "`keep` must be at least"),
         ({"part": "arms"}, "`group` must be one of"),
