@@ -91,13 +91,12 @@ def _motion(desk: Desk, own: ProjectMotion) -> Json:
     kept = [each for each in desk.project.motions if each.is_kept and each.id != own.id]
     angles = [desk.workshop.angle(own.record, each.record) for each in kept]
     known = [float(np.degrees(angle)) for angle in angles if angle is not None]
-    n_locked = len(own.locks)
     remarks = [*map(str, record["remarks"])]
     if record["violations"]:
-        unlock = f"unlock some of the {n_locked} locked ranges, " if n_locked else ""
+        unlock = "unlock parts, " if own.locks else ""
         remarks.append(
-            "no donor satisfies the constraints: move the obstacle or target, allow a larger "
-            f"tolerance, {unlock}raise the variety or add clips"
+            "no parts of the clips fit all of this. Move the obstacle or target, allow a larger "
+            f"error, {unlock}use “Choose again” with more variety, or open more clips"
         )
     return {
         "id": own.id,
@@ -111,10 +110,8 @@ def _motion(desk: Desk, own: ProjectMotion) -> Json:
         "hash": own.record,
         "cost": measures.get("cost"),
         "new": measures.get("new"),
-        "changed": measures.get("changed"),
         "apart": round(min(known), 2) if known else None,
         "isLoop": measures.get("isLoop", False),
-        "isReady": bool(measures),
         "isComposed": record["scenario"] is not None,
         "locks": [lock._asdict() for lock in own.locks],
         "constraints": [
@@ -123,7 +120,6 @@ def _motion(desk: Desk, own: ProjectMotion) -> Json:
             if each.get("weight") != 0
         ],
         "violations": [_violation(each, record["groups"]) for each in record["violations"]],
-        "changes": [_change(each) for each in record["changes"]],
         "remarks": remarks,
     }
 
@@ -140,12 +136,6 @@ def _violation(record: Record, groups: Mapping[str, Sequence[str]]) -> Json:
         "joint": joint,
         "text": record["message"],
     }
-
-
-def _change(record: Record) -> str:
-    (first, last), (start, stop) = record["frames"], record["clip_frames"]
-    part = record["part"] or record["group"]
-    return f"{part}, frames {first}-{last}: {record['clip']} {start}-{stop}"
 
 
 def preview(desk: Desk, key: str) -> Json:
