@@ -35,7 +35,8 @@ _OPTIONS_OF_NAMES = {
     "KeepOriginal": ("keep",),
     "base": ("base", "clip"),
     "clips": ("among", "only_from", "not_from"),
-    "tags": ("only_tagged", "not_tagged"),
+    "frame_rates": ("true_rate",),
+    "tags": ("tags", "only_tagged", "not_tagged"),
 }
 """The options from which a parameter or constraint may come, if they have another name."""
 
