@@ -34,6 +34,7 @@ _OPTIONS_OF_NAMES = {
     **{name: (name.lower(),) for name in ("Avoid", "Face", "Reach")},
     "KeepOriginal": ("keep",),
     "base": ("base", "clip"),
+    "group": ("group", "part"),
     "clips": ("among", "only_from", "not_from"),
     "tags": ("only_tagged", "not_tagged"),
 }
@@ -49,7 +50,7 @@ def with_flags(text: str, options: Options, *, is_advice: bool = False) -> str:
 
     def flag(match: re.Match[str]) -> str:
         name, value = match.groups()
-        is_option = hasattr(options, name)
+        is_option = hasattr(options, name) or name == "groups"  # of the library of find, curate
         return f"--{name} {value}" if is_option else f"--set {name}={value.lower()}"
 
     text = re.sub(r"`(\w+)=([^`]+)`", flag, text)

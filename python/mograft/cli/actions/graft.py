@@ -55,8 +55,8 @@ _ALLOWED = (*_EDITS, *_OUTPUTS, "verbose", "files", "from_")
 
 _KEPT_VIOLATIONS = (
     "joints that are not exchanged violate constraints, and no donor can remove these violations; "
-    "no motion was written; choose another --base, exchange their group (--swap), place the "
-    "obstacle or target elsewhere, or give --best-effort"
+    "no motion was written; place the obstacle or target elsewhere, choose another --base, or "
+    "write it all the same with --best-effort"
 )
 
 
@@ -87,6 +87,8 @@ def run(options: GraftOptions) -> int:
         library = configuration.load_library(replace(options, files=sources), strict=strict)
         if library.refused:  # the first file may be one of them
             paths, page = graft_files.output_paths(options, library.names[0], sources, suffix)
+    if options.model and library.skeleton.hinges is None:
+        raise UsageError(f"--model requires motions of a robot, such as .csv; got {first}")
     constraints = configuration.read_constraints(options, library.rate)
     if options.change:
         constraints.append(KeepOriginal())
@@ -118,6 +120,9 @@ def _check_options(options: GraftOptions) -> None:
     """Raise a UsageError if options without ``--from`` contradict each other."""
     if not options.files:
         raise UsageError("expected LIB or FILE")
+    for name in options.files:
+        if name.endswith(".json"):
+            raise UsageError(f"{name} is no motion file; --from {name} makes a graft again")
     if options.distinct > 180.0:
         raise UsageError(f"--distinct must be at most 180, got {options.distinct:g}")
     configuration.check_combinations(options)
@@ -131,10 +136,14 @@ def _run_replay(options: GraftOptions) -> int:
     for field, name in options.changed().items():
         if field not in (*options.origins, *allowed):
             raise UsageError(
-                f"--{name} cannot be combined with --from, which makes a graft again; "
-                "--change, --take, --ban and --keep change parts of it"
+                f"--{name} cannot be combined with --from, which makes a graft again: leave out "
+                "one of them; --change, --take, --ban and --keep change parts of it"
             )
     source, path = options.from_ or "", options.output
+    if os.path.isdir(source):
+        raise UsageError(
+            f"--from must be the .json of a graft or FILE.glb#NAME, got the folder {source}"
+        )
     record = read_record(source)
     paths = [path] * options.count
     if path.suffix.lower() not in MOTION_SUFFIXES:
