@@ -42,7 +42,9 @@ def test_info_lists_groups_exactly_if_graft_finds_them(run, text):
     groups = json.loads(run("info", "x.bvh", "--json")[1])["files"][0]["groups"]
     code, _, err = run("graft", "x.bvh", "-o", "y.bvh")
     assert (code == 0) == bool(groups), err
-    assert ("no joint groups recognized" in run("info", "x.bvh")[1]) == (not groups)
+    shown = run("info", "x.bvh")[1]
+    assert ("no joint groups recognized" in shown) == (not groups)
+    assert ("not recognized as a person" in shown) == (bool(groups) and "arms" not in groups)
     names = [name for own in groups.values() for name in own]
     assert sorted(names) == (sorted(skeleton.names) if groups else [])
 

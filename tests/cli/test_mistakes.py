@@ -90,7 +90,7 @@ MISTAKES = [
     ("find lib walk", USAGE, "LIB comes last: mograft find walk lib"),
     ("find lib a.bvh", USAGE, "LIB comes last: mograft find a.bvh lib"),
     ("find lib", USAGE, "expected a clip or file before LIB, or --text WORDS; got only lib"),
-    ("find wlk lib", RUNTIME, "expected a motion file or one of dance, walk; got 'wlk'; did you"),
+    ("find wlk lib", RUNTIME, "CLIP|FILE must be a clip, one of dance, walk; got 'wlk'; did you"),
     ("find walk lib --part arms", RUNTIME, "--part must be one of lower, upper, got 'arms'; a "
      "library that mograft index makes with --groups lower_torso_arms has the groups lower,"),
     ("curate lib --part arms", RUNTIME, "a library that mograft index makes with --groups"),

@@ -33,7 +33,7 @@ def print_result(
 _OPTIONS_OF_NAMES = {
     **{name: (name.lower(),) for name in ("Avoid", "Face", "Reach")},
     "KeepOriginal": ("keep",),
-    "base": ("base", "clip"),
+    "base": ("base", "clip", "query"),
     "group": ("group", "part"),
     "clips": ("among", "only_from", "not_from"),
     "tags": ("only_tagged", "not_tagged"),
@@ -60,6 +60,7 @@ def with_flags(text: str, options: Options, *, is_advice: bool = False) -> str:
     for name in set_options | _OPTIONS_OF_NAMES.keys():
         origins = [own for own in _OPTIONS_OF_NAMES.get(name, (name,)) if own in set_options]
         flags = " or ".join(f"--{own.replace('_', '-')}" for own in origins)
+        flags = flags.replace("--query", "CLIP|FILE")  # the only one that is positional
         text = text.replace(f"`{name}`", flags or f"`{name}`")
     return text
 

@@ -105,6 +105,13 @@ def find_remedies(graft: Graft) -> list[str]:
     return remedies
 
 
+def find_reach_remedies(graft: Graft) -> list[str]:
+    """Return what helps if an edit of a graft violates a `Reach`; nothing is tried."""
+    is_reach = any(isinstance(own.constraint, Reach) for own in graft.violations)
+    is_limited = is_reach and graft.library.config.reach_ik < 1.0
+    return ["`reach_ik=1` bends the arm or leg farther"] * is_limited
+
+
 def _cause_of_no_exchange(graft: Graft) -> str:
     if graft.request.method == "repair":
         return "the base satisfies the constraints, or no candidate satisfies them better"

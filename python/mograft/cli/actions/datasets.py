@@ -139,11 +139,7 @@ def _read_query(library: Library, name: str) -> Motion:
     """Return the clip of a library, or the motion in a file, with a name."""
     if name not in library.names and Path(split_address(name)[0]).exists():
         return read_clip(name, skeleton=library.spec.rest)
-    try:
-        base, clip = library.resolve_base(name)
-    except ValueError as error:
-        text = str(error).replace("`base` must be a clip,", "expected a motion file or")
-        raise ValueError(text) from None
+    base, clip = library.resolve_base(name)
     return base.clips[clip]
 
 

@@ -33,7 +33,8 @@ from mograft.provenance.writing import MOTION_SUFFIXES, write_graft
 from mograft.search.candidates import count_combinations
 from mograft.search.constraints import Constraint
 from mograft.search.donor_constraints import KeepOriginal
-from mograft.synthesis.advice import advise, find_remedies
+from mograft.search.pose_constraints import anchor_reaches
+from mograft.synthesis.advice import advise, find_reach_remedies, find_remedies
 from mograft.synthesis.graft import graft_many, kept_violations, repair
 from mograft.synthesis.graft_result import Graft, Substitution
 from mograft.synthesis.newness import newness
@@ -95,6 +96,9 @@ def run(options: GraftOptions) -> int:
     if options.mirror:
         library = library.with_mirror_images()
     base = _find_base(library, options.base, folder)
+    if options.scenario == "original":
+        whole, clip = library.resolve_base(base)
+        constraints = anchor_reaches(constraints, whole.clips[clip])
     # The base motion of a scenario does not exist yet.
     if options.scenario == "original" and not options.best_effort:
         kept = kept_violations(library, base, constraints=constraints, swap=options.swap)
@@ -178,7 +182,7 @@ def _run_replay(options: GraftOptions) -> int:
 def _edit(graft: Graft, options: GraftOptions) -> list[Graft]:
     """Return the versions of a graft with the edits and changes that the options describe."""
     rate = graft.base.rate
-    edits = configuration.read_constraints(options, rate)
+    edits = anchor_reaches(configuration.read_constraints(options, rate), graft.motion)
     edited = graft
     if edits:
         edited = edit(graft, *edits, seed=options.seed)
@@ -298,7 +302,8 @@ def _are_refused(grafts: Sequence[Graft], options: GraftOptions) -> bool:
         warning = f"warning: {counts} violate the constraints; all {len(grafts)} are written"
         print_remark("\n".join([*messages, warning]))
     elif violating:
-        remedies = [] if options.from_ else find_remedies(violating[0])
+        first = violating[0]
+        remedies = find_remedies(first) if not options.from_ else find_reach_remedies(first)
         text = "; ".join(
             [
                 f"{counts} violate the constraints, because no donor sequence satisfies them",

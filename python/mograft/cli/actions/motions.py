@@ -8,6 +8,7 @@ from typing import Any
 from mograft._util.arrays import IntArray
 from mograft._util.atomic import write_text
 from mograft._util.names import automatic_number, is_automatic
+from mograft.body.anatomy import anatomy
 from mograft.body.faults import HARMLESS_FAULTS, find_faults
 from mograft.body.groups import JointGroups
 from mograft.body.loops import is_loop
@@ -79,6 +80,7 @@ def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
     size = {"joints": skeleton.n_joints, "channels": skeleton.n_channels, "frames": motion.n_frames}
     time = {"frame_time": motion.frame_time, "rate": motion.rate, "seconds": motion.duration}
     time["loop"] = is_loop(motion)
+    size["person"] = "arms" in members and not anatomy(skeleton).joints("tail")
     groups = {g: [skeleton.names[j] for j in joints] for g, joints in members.items()}
     is_complete = options.verbose or options.json
     shown = [f for f in find_faults(motion) if is_complete or f.kind not in HARMLESS_FAULTS]
@@ -95,6 +97,8 @@ def _describe(clips: Sequence[dict[str, Any]]) -> list[str]:
     lines = [f"  {group}: {' '.join(names)}" for group, names in first["groups"].items()]
     if not lines:
         lines = ["  no joint groups recognized: use --groups auto, or a TOML file of your own"]
+    elif not first["person"]:
+        lines.append("  not recognized as a person: no arms, or a tail")
     lines += [f"  note: {note}" for note in first["notes"]]
     if first.get("match"):
         lines.append(f"  joints matched by anatomy: {first['match']}")
