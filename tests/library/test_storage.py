@@ -158,6 +158,27 @@ def test_read_changed_array_header_stays_within_the_file(small_library, data):
 
 @settings(max_examples=40)
 @given(st.data())
+def test_open_segment_outside_of_its_clip_raises_library_error(small_library, data):
+    n_frames = np.array([entry.n_frames for entry in Library.open(small_library).entries])
+    clips = np.load(small_library / "0001" / "clips.npy")
+    row = data.draw(st.integers(0, len(clips) - 1), label="segment")
+    name = data.draw(st.sampled_from(["starts", "stops"]))
+    beyond = st.integers(int(n_frames[clips[row]]), 2**62)
+    value = data.draw(beyond if name == "stops" else st.one_of(beyond, st.integers(-(2**62), -1)))
+    path = small_library / "0001" / f"{name}.npy"
+    content = path.read_bytes()
+    array = np.load(path)
+    array[row] = value
+    try:
+        path.write_bytes(content[: -array.nbytes] + array.tobytes())
+        with pytest.raises(LibraryError, match="damaged"):
+            Library.open(small_library)
+    finally:
+        path.write_bytes(content)
+
+
+@settings(max_examples=40)
+@given(st.data())
 def test_open_truncated_or_missing_file_raises_library_error(small_library, data):
     path = data.draw(st.sampled_from(list_files(small_library)), label="file")
     content = path.read_bytes()

@@ -149,6 +149,7 @@ def test_hermite_meets_end_rotations_and_velocities(start, end, leaving, reachin
     ("call", "message"),
     [
         (lambda: rotations.log([0, 0, 0, 2.0]), "`rotations` must be unit quaternions, got norm 2"),
+        (lambda: rotations.log([1e300, 0, 0, 1e308]), "unit quaternions, got norm 1e.308"),
         (lambda: rotations.log([0, 0, 1.0]), r"`rotations` must have shape \(..., 4\), got \(3,\)"),
         (lambda: rotations.exp([0, np.nan, 0]), r"`vectors` must be finite, got nan at \[1\]"),
         (lambda: rotations.from_matrices(np.eye(4)), r"`matrices` must have shape \(\.\.\., 3"),

@@ -342,7 +342,7 @@ def test_path_that_is_drawn_on_the_floor_is_sent_in_axes_of_the_page(browser, se
                 route.fulfill(json={"revision": 1, "motions": [], "message": ""}),
             ),
         )
-        page.locator("button", has_text="Make along this").click()
+        page.locator("button", has_text="along this path").click()
         wait_until(page, "true")
         page.wait_for_timeout(300)
     (action,) = sent
@@ -360,10 +360,10 @@ def test_change_of_an_old_state_is_refused_and_the_new_state_shown(browser, sess
         until_figure(page)
         page.route("**/api/events", lambda route: route.abort())
         run(page, "modules.store.store.project.revision -= 1;")
-        page.locator(".card").nth(1).get_by_label("Star:").click()
+        page.locator(".card").nth(1).get_by_label("Favourite:").click()
         page.get_by_text("The project changed elsewhere").wait_for()
         assert session.project.motion("m2").mark is None
-        page.locator(".card").nth(1).get_by_label("Star:").click()
+        page.locator(".card").nth(1).get_by_label("Favourite:").click()
         page.locator(".card.starred").wait_for()
         assert session.project.motion("m2").mark == "star"
 
@@ -373,7 +373,7 @@ def test_lost_connection_is_shown_until_the_server_is_back(browser, session):
     with opened(browser, session, expected=expected) as page:
         until_figure(page)
         page.context.set_offline(True)
-        page.locator(".card").first.get_by_label("Star:").click()
+        page.locator(".card").first.get_by_label("Favourite:").click()
         page.locator("[data-part=banner]", has_text="Connection lost").wait_for()
         assert session.project.motion("m1").mark is None
         page.context.set_offline(False)
@@ -401,6 +401,10 @@ NAMES = """() => [...document.querySelectorAll("button, input, select, [tabindex
   .map((own) => [own.outerHTML.slice(0, 120),
     own.getAttribute("aria-label") || own.innerText?.trim() ||
     [...(own.labels || [])].map((each) => each.innerText.trim()).join(" ")])"""
+WORDLESS = """() => [...document.querySelectorAll("button")]
+  .filter((own) => !own.matches(".preview, .block, .bar-range, .violated"))
+  .filter((own) => own.checkVisibility() && !/[a-z]{2}/i.test(own.innerText))
+  .map((own) => own.outerHTML.slice(0, 120))"""
 
 
 @pytest.mark.parametrize("width", [1280, 480])
@@ -418,6 +422,7 @@ def test_every_pane_fits_its_width_and_names_its_controls(browser, session, widt
             assert page.evaluate("document.documentElement.scrollWidth") <= width
             nameless = [html for html, name in page.evaluate(NAMES) if not name]
             assert nameless == []
+            assert page.evaluate(WORDLESS) == []
         paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
         assert (sum(map(int, paper[4:-1].split(","))) > 382) == (theme == "light")
 
@@ -452,18 +457,20 @@ def test_constraints_of_every_kind_are_added_and_shown_by_another_page(browser, 
         page.locator("#tab-constraints").click()
         page.locator(".constraint").nth(len(kinds) - 1).wait_for()
         assert page.locator(".constraint").all_inner_texts() == forms
-        field = page.get_by_role("group", name="Box").get_by_label("yaw")
+        field = page.get_by_role("group", name="Box").get_by_label("turn")
         field.fill("30")
         field.press("Enter")
         wait_until(page, "document.querySelector('[data-part=undo]').title.includes('move')")
-    box = graft_of(session).request.constraints[kinds.index("Box")].obstacle
+    box = graft_of(session).request.constraints[kinds.index("Box to avoid")].obstacle
     half = np.radians(15)
     np.testing.assert_allclose(box.rotation, [0, np.sin(half), 0, np.cos(half)], atol=1e-6)
 
 
 def test_constraints_of_one_kind_have_names_and_places_of_their_own(browser, session):
-    kinds = ["Sphere", "Wall", "Sphere", "Wall", "Sphere", "Own body"]
-    names = ["Sphere 1", "Wall 1", "Sphere 2", "Wall 2", "Sphere 3", "Own body"]
+    shapes = ["Sphere", "Wall", "Sphere", "Wall", "Sphere"]
+    limbs = "No limb through the body"
+    kinds = [*(f"{own} to avoid" for own in shapes), limbs]
+    names = ["Sphere 1", "Wall 1", "Sphere 2", "Wall 2", "Sphere 3", limbs]
     with opened(browser, session) as page:
         until_figure(page)
         page.locator("#tab-constraints").click()
@@ -471,15 +478,15 @@ def test_constraints_of_one_kind_have_names_and_places_of_their_own(browser, ses
             page.locator("[data-part=newKind]").select_option(kind)
             page.get_by_role("button", name="Add", exact=True).click()
             page.locator(".constraint").nth(number).wait_for()
-        assert page.locator(".constraint .choose").all_inner_texts() == names
+        assert page.locator(".constraint h3").all_inner_texts() == names
         assert page.locator(".name.thin").all_inner_texts() == names
         state = run(page, "return modules.store.selected();")
         violated = {names[own["number"]] for own in state["violations"]}
         assert violated
         cards = page.locator(".constraint", has=page.locator(".violations"))
-        assert set(cards.locator(".choose").all_inner_texts()) == violated
-        kept = page.locator(".constraint", has=page.get_by_text("✓ kept"))
-        assert set(kept.locator(".choose").all_inner_texts()) == set(names) - violated
+        assert set(cards.locator("h3").all_inner_texts()) == violated
+        kept = page.locator(".constraint", has=page.get_by_text("✓ satisfied"))
+        assert set(kept.locator("h3").all_inner_texts()) == set(names) - violated
         marks = page.locator(".violated").evaluate_all("all => all.map((own) => own.ariaLabel)")
         assert {own.partition(":")[0] for own in marks} == violated
         worst = graft_of(session).violations[0].worst
@@ -525,14 +532,14 @@ def test_export_says_what_is_written_and_where(browser, session):
         until_figure(page)
         page.locator("[data-part=export]").click()
         dialog = page.get_by_role("dialog", name="Export")
-        dialog.get_by_text("Nothing is marked Keep").wait_for()
+        dialog.get_by_text("No motion is ticked “Keep for export”").wait_for()
         dialog.get_by_label("folder").fill("there")
         dialog.get_by_text(f"Written to {session.folder}/there", exact=True).wait_for()
         dialog.get_by_role("button", name="Cancel").click()
         assert not list(session.folder.glob("there*"))
         session.do({"action": "keep", "id": "m2", "isKept": True})
-        page.get_by_role("button", name="Export 1…").click()
-        dialog.get_by_text("1 motion marked Keep.", exact=True).wait_for()
+        page.get_by_role("button", name="Export 1 motion…").click()
+        dialog.get_by_text("1 motion with a tick at “Keep for export”.", exact=True).wait_for()
 
 
 def test_previews_stand_still_for_who_wants_less_motion(browser, session):
@@ -551,7 +558,7 @@ def test_previews_stand_still_for_who_wants_less_motion(browser, session):
         for own in ("m1", "m2", "m3"):
             until_figure(page, own)
         page.wait_for_timeout(500)
-        assert page.get_by_role("button", name="Previews").get_attribute("aria-pressed") == "false"
+        assert page.get_by_role("button", name="previews").get_attribute("aria-pressed") == "false"
         assert page.evaluate(count) == 0
-        page.get_by_role("button", name="Previews").click()
+        page.get_by_role("button", name="previews").click()
         wait_until(page, f"({count})().then((found) => found > 0)")

@@ -563,7 +563,7 @@ def test_state_has_only_json_numbers(session):
     state = json.loads(json.dumps(session.state(), allow_nan=False))
     assert state["motions"][0]["apart"] > 0
     assert state["motions"][0]["constraints"][0]["shape"]["kind"] == "sphere"
-    assert state["undo"] == "keep one_graft2"
+    assert state["undo"] == "keep one_graft2 for export"
 
 
 def test_threads_get_answers_while_motions_and_libraries_are_made(make_session, dances):

@@ -69,20 +69,18 @@ def test_story_by_pointer_exports_what_the_command_makes(browser, source, tmp_pa
     with studio(browser, folder) as person:
         page = person.page
         person.drop(path)
-        page.get_by_role("tab", name="Motions").click()
-        page.get_by_role("combobox", name="base", exact=True).first.select_option(base)
-        person.button("Make 12").click()
+        page.get_by_role("tab", name="New motions").click()
+        page.get_by_role("combobox", name="base motion", exact=True).first.select_option(base)
+        person.button("Make 12 motions").click()
         state = person.until("state.motions.length >= 12 && !state.jobs.length")
         assert len({own["hash"] for own in state["motions"]}) == 12
 
         page.locator(".card .preview").nth(1).click()
         person.blocks("upper").nth(2).click()
-        row = page.locator("table.donors tr", has=person.button("Take", is_exact=False)).filter(
-            has=page.locator("button:enabled", has_text="Take")
-        )
+        row = page.locator("table.donors tr", has=page.locator("button:enabled", has_text="Use"))
         row.first.hover()
         old = person.state()["motions"][1]
-        row.first.get_by_role("button", name="Take").click()
+        row.first.get_by_role("button", name="Use").click()
         new = person.until(f"state.motions[1].hash !== '{old['hash']}'")["motions"][1]
         assert old["hash"] != new["hash"]
 
@@ -91,8 +89,8 @@ def test_story_by_pointer_exports_what_the_command_makes(browser, source, tmp_pa
         first, last = lock["first"], lock["last"]
         assert lock["group"] == "upper"
 
-        page.get_by_role("tab", name="Constraints").click()
-        page.get_by_role("combobox", name="add", exact=True).select_option("Sphere")
+        page.get_by_role("tab", name="Obstacles, targets").click()
+        page.get_by_role("combobox", name="new", exact=True).select_option("Sphere to avoid")
         person.button("Add").click()
         state = person.until(
             "state.motions[1].constraints.some(({ record }) => record.kind === 'Avoid')"
@@ -109,7 +107,7 @@ def test_story_by_pointer_exports_what_the_command_makes(browser, source, tmp_pa
 
         page.keyboard.press("Escape")
         person.blocks("upper").nth(2).click()
-        person.button("Loop").click()
+        person.button("Repeat selection").click()
         person.button("Play").click()
         for _ in range(5):
             page.wait_for_timeout(150)
@@ -118,7 +116,7 @@ def test_story_by_pointer_exports_what_the_command_makes(browser, source, tmp_pa
 
         page.locator(".card").nth(1).get_by_label("Keep").check()
         person.until("state.motions[1].isKept")
-        person.button("Export 1…").click()
+        person.button("Export 1 motion…").click()
         person.button("Export").click()
         page.locator(".dialog .result bdi").wait_for()
         check_export(person, folder)
@@ -138,25 +136,25 @@ def test_story_by_keyboard_alone_exports_what_the_command_makes(browser, source,
         person.until("state.library.status === 'ready'")
         person.tab_to(page.locator('[role="tab"][aria-selected="true"]').first)
         page.keyboard.press("Home")
-        person.tab_to(page.get_by_role("combobox", name="base", exact=True).first)
+        person.tab_to(page.get_by_role("combobox", name="base motion", exact=True).first)
         page.keyboard.type(base)
-        person.press(person.button("Make 12"))
+        person.press(person.button("Make 12 motions"))
         person.until("state.motions.length >= 12 && !state.jobs.length")
 
         person.press(page.locator(".card .preview").nth(1))
-        person.press(page.locator(".card").nth(1).get_by_role("button", name="Star"))
+        person.press(page.locator(".card").nth(1).get_by_role("button", name="Favourite"))
         person.until("state.motions[1].mark === 'star'")
         person.tab_to(page.locator(".block[tabindex='0']"))
         for _ in range(2):
             page.keyboard.press("ArrowRight")
-        take = page.locator("table.donors button:enabled", has_text="Take").first
+        take = page.locator("table.donors button:enabled", has_text="Use").first
         old = person.state()["motions"][1]["hash"]
         person.press(take)
         person.until(f"state.motions[1].hash !== '{old}'")
         page.keyboard.press("k")
         (lock,) = person.until("state.motions[1].locks.length")["motions"][1]["locks"]
 
-        person.tab_to(page.get_by_role("tab", name="Segment"))
+        person.tab_to(page.get_by_role("tab", name="Selected part"))
         page.keyboard.press("ArrowRight")
         person.press(person.button("Add"))
         state = person.until(
@@ -198,28 +196,28 @@ def test_axe_finds_nothing_serious_in_any_state(browser, tmp_path, theme, width)
             ]
 
         look("empty")
-        person.button("Open…").click()
+        person.button("Open files…").first.click()
         look("open")
         page.keyboard.press("Escape")
         person.drop(tmp_path / "dance.bvh")
         look("clips")
-        page.get_by_role("tab", name="Scenario").click()
+        page.get_by_role("tab", name="Along a path").click()
         look("scenario")
-        page.get_by_role("tab", name="Motions").click()
-        person.button("Make 12").click()
+        page.get_by_role("tab", name="New motions").click()
+        person.button("Make 12 motions").click()
         person.until("state.motions.length >= 2 && !state.jobs.length")
         look("motions")
         page.locator(".card .preview").nth(1).click()
         person.blocks("upper").nth(1).click()
         page.locator("table.donors tbody tr").first.wait_for()
         look("segment")
-        page.get_by_role("tab", name="Constraints").click()
+        page.get_by_role("tab", name="Obstacles, targets").click()
         person.button("Add").click()
         person.until("state.motions[1].constraints.length")
         look("constraints")
-        person.button("Export…").click()
+        person.button("Export this motion…").click()
         look("export")
         page.keyboard.press("Escape")
-        person.button("Keys").click()
+        person.button("Help").click()
         look("keys")
     assert not any(found.values()), found

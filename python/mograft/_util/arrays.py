@@ -1,5 +1,6 @@
 """Conversion of array arguments: dtype, shape, finiteness and unit norm are checked here."""
 
+import math
 from collections.abc import Iterator
 from typing import Any, TypeAlias, TypeVar
 
@@ -47,7 +48,7 @@ def as_quaternions(name: str, value: npt.ArrayLike, shape: Shape | None = None) 
     if not all(_is_unit(block).all() for block in _blocks(quats)):
         as_floats(name, quats)
         index = tuple(int(i) for i in np.argwhere(~_is_unit(quats))[0])
-        norm = np.linalg.norm(quats[index])
+        norm = math.hypot(*quats[index].tolist())  # without a warning of an overflow
         raise ValueError(f"`{name}` must be unit quaternions, got norm {norm:.6g} at {list(index)}")
     return quats
 

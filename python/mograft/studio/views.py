@@ -91,13 +91,12 @@ def _motion(desk: Desk, own: ProjectMotion) -> Json:
     kept = [each for each in desk.project.motions if each.is_kept and each.id != own.id]
     angles = [desk.workshop.angle(own.record, each.record) for each in kept]
     known = [float(np.degrees(angle)) for angle in angles if angle is not None]
-    n_locked = len(own.locks)
     remarks = [*map(str, record["remarks"])]
     if record["violations"]:
-        unlock = f"unlock some of the {n_locked} locked ranges, " if n_locked else ""
+        unlock = "unlock parts, " if own.locks else ""
         remarks.append(
-            "no donor satisfies the constraints: move the obstacle or target, allow a larger "
-            f"tolerance, {unlock}raise the variety or add clips"
+            "no parts of the clips fit all of this. Move the obstacle or target, allow a larger "
+            f"error, {unlock}use “Choose again” with more variety, or open more clips"
         )
     return {
         "id": own.id,

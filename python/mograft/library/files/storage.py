@@ -177,7 +177,7 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
         library = library_type(
             clips=StoredClips(stored.table, frames, spec, stored.folder),
             entries=stored.table.entries,
-            segments=Segments(arrays["starts"], arrays["stops"], arrays["clips"]),
+            segments=_read_segments(arrays, stored.table),
             is_donor=arrays["donors"],
             groups=groups,
             config=Config.from_dict(manifest["config"]),
@@ -192,6 +192,15 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
         )
         folder = Path(os.path.abspath(stored.folder))
         return library.set_recipe(_reopen, library_type, folder, manifest["checksum"])
+
+
+def _read_segments(arrays: dict[str, npt.NDArray[Any]], table: ClipTable) -> Segments:
+    """Return the segments; raise ValueError if one is not within its clip."""
+    segments = Segments(arrays["starts"], arrays["stops"], arrays["clips"])
+    n_frames = np.array([entry.n_frames for entry in table.entries])
+    if (segments.start < 0).any() or (segments.stop >= n_frames[segments.clip]).any():
+        raise ValueError("segments end outside of their clips")
+    return segments
 
 
 def _reopen(library_type: type[L], folder: Path, checksum: str) -> L:

@@ -111,7 +111,7 @@ def take(desk: Desk, fields: Fields) -> tuple[Project, str]:
         new = edit(graft, Use(frames=frames, donor=reference, group=group))
     else:
         new = change(graft, group, frames, (clip, donor[0], donor[1]))
-    text = f"{where(group, *frames)}: take {clip} {donor[0]}-{donor[1]}"
+    text = f"{where(group, *frames)}: use {clip} {donor[0]}-{donor[1]}"
     return _revised(desk, own, new), text
 
 
@@ -131,7 +131,7 @@ def restore(desk: Desk, fields: Fields) -> tuple[Project, str]:
         check_range(graft, name, frames)
         _refuse_locked(own, graft, name, frames)
     new = edit(graft, KeepOriginal(frames=frames, group=group))
-    return _revised(desk, own, new), f"captured {_text(fields)}"
+    return _revised(desk, own, new), f"restore captured {_text(fields)}"
 
 
 def change_range(desk: Desk, fields: Fields) -> tuple[Project, str]:
@@ -154,7 +154,7 @@ def regenerate_range(desk: Desk, fields: Fields) -> tuple[Project, str]:
     if variety is not None:
         graft = _with_library(graft, desk.workshop.with_variety(graft.library, variety))
     seed = fields.integer("seed", graft.seed + len(graft.history) + 1)
-    return _revised(desk, own, regenerate(graft, ranges, seed)), f"regenerate {_text(fields)}"
+    return _revised(desk, own, regenerate(graft, ranges, seed)), f"choose again {_text(fields)}"
 
 
 def _with_library(graft: Graft, library: Library) -> Graft:

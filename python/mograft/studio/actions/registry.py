@@ -86,14 +86,14 @@ def _set_options(desk: Desk, fields: Fields) -> Outcome:
 
 def _mark(desk: Desk, fields: Fields) -> Outcome:
     own, mark = desk.project.motion(fields.values.get("id")), fields.choice("mark", MARKS)
-    text = {"star": "star", "reject": "reject", None: "unmark"}[mark]
+    text = {"star": "favourite", "reject": "reject", None: "unmark"}[mark]
     changed = replace(own, mark=mark)
     return desk.project.with_motion(changed), f"{text} {desk.name_of(own)}"
 
 
 def _keep(desk: Desk, fields: Fields) -> Outcome:
     own, is_kept = desk.project.motion(fields.values.get("id")), fields.flag("isKept")
-    text = f"{'keep' if is_kept else 'do not keep'} {desk.name_of(own)}"
+    text = f"{'keep' if is_kept else 'do not keep'} {desk.name_of(own)} for export"
     return desk.project.with_motion(replace(own, is_kept=is_kept)), text
 
 

@@ -2,7 +2,7 @@
 import { figureOf, ghostOf } from "./figures.js";
 import { act, motions, on, select, store } from "./store.js";
 import { countViolated } from "./records.js";
-import { breakable, button, create, field, fill, icon, make, parts, percent, sentence } from "./ui.js";
+import { breakable, button, counted, create, field, fill, icon, make, parts, percent } from "./ui.js";
 import { addRegion, dropRegion, isVisible, redraw } from "./view.js";
 
 const PREVIEW_MILLISECONDS = 33; // Between two pictures of the previews.
@@ -34,7 +34,7 @@ function compare(a, b) {
 export function startCards() {
   parts.makeForm.addEventListener("submit", makeMotions);
   parts.makeVariety.addEventListener("input", () => (parts.makeVariety.dataset.moved = "1"));
-  parts.makeCount.addEventListener("input", () => (parts.make.textContent = `Make ${parts.makeCount.value || 1}`));
+  parts.makeCount.addEventListener("input", () => (parts.make.textContent = `Make ${counted(Number(parts.makeCount.value) || 1, "motion")}`));
   for (const own of [parts.sort, parts.shown]) own.addEventListener("change", layOut);
   parts.previews.addEventListener("click", () => setLooping(!isLooping));
   parts.removeRejected.addEventListener("click", () => act({ action: "remove", ids: rejected().map(({ id }) => id) }));
@@ -56,6 +56,7 @@ const rejected = () => motions().filter(({ mark }) => mark === "reject");
 function setLooping(isOn) {
   isLooping = isOn;
   parts.previews.setAttribute("aria-pressed", isOn);
+  parts.previews.textContent = isOn ? "Stop previews" : "Play previews";
 }
 
 let before = performance.now();
@@ -101,6 +102,8 @@ function writeForm() {
   }
   if (!parts.makeVariety.dataset.moved && store.project.options?.variety !== undefined)
     parts.makeVariety.value = store.project.options.variety;
+  const base = groups?.base ? `the path and the group “${groups.base}”` : "the path and the legs";
+  parts.makeHint.textContent = `New motions keep ${base} of the base motion. Their other joint groups come from other clips.`;
   parts.make.disabled = library?.status !== "ready" || !names.length;
   parts.make.title = parts.make.disabled ? "Open motions first; the library must be ready" : "";
 }
@@ -119,6 +122,7 @@ function writeAll() {
     writeCard(cards.get(motion.id), motion);
   }
   parts.removeRejected.hidden = !rejected().length;
+  parts.removeRejected.textContent = `Delete ${rejected().length} rejected`;
   parts.noCards.hidden = all.length > 0;
   parts.cardsBar.hidden = parts.cards.hidden = all.length === 0;
   layOut();
@@ -130,16 +134,14 @@ function makeCard({ id }) {
   const name = create("bdi");
   const numbers = create("p", "", "numbers");
   const warning = make("p", { class: "warning", hidden: true });
-  const star = button("★", "Star: mark as a favourite; Keep is what exports  *", () => toggleMark(id, "star"));
-  const reject = button("✕", "Reject  x", () => toggleMark(id, "reject"));
-  const more = button("Similar", "Make 4 motions like this", () => act({ action: "more_like", id, count: 4 }));
+  const star = button("Favourite", "Mark as a favourite, for you alone  *", () => toggleMark(id, "star"));
+  const reject = button("Reject", "Mark as rejected  x", () => toggleMark(id, "reject"));
+  const more = button("More like this", "Make 4 similar motions", () => act({ action: "more_like", id, count: 4 }));
   const keep = make("input", { type: "checkbox", onchange: () => act({ action: "keep", id, isKept: keep.checked }) });
-  const kept = make("label", { class: "keep", title: "Keep for export; a star only marks" }, keep, "Keep");
-  const rename = button("✎", "Rename", () => askName(id));
-  const head = make("div", { class: "head" }, name, rename);
-  const marks = make("div", { class: "marks" }, star, reject);
-  const buttons = make("div", { class: "buttons" }, more, kept);
-  const element = make("div", { class: "card", role: "listitem" }, preview, marks, head, numbers, warning, buttons);
+  const kept = make("label", { class: "keep", title: "Export writes the motions with this tick" }, keep, "Keep for export");
+  const rename = button("Rename", "Change the name", () => askName(id));
+  const buttons = make("div", { class: "buttons" }, star, reject, more, rename, kept);
+  const element = make("div", { class: "card", role: "listitem" }, preview, name, numbers, warning, buttons);
   const card = { element, preview, name, numbers, warning, star, reject, more, keep, rename, isPointed: false };
   for (const kind of ["pointerenter", "focusin"]) element.addEventListener(kind, () => (card.isPointed = true));
   for (const kind of ["pointerleave", "focusout"]) element.addEventListener(kind, () => (card.isPointed = false));
@@ -168,14 +170,14 @@ function askName(id) {
   const card = cards.get(id);
   const motion = motions().find((own) => own.id === id);
   const input = make("input", { type: "text", value: motion.name, "aria-label": "Name of the motion", maxlength: "120" });
-  card.name.hidden = card.rename.hidden = true;
+  card.name.hidden = true;
   card.name.after(input);
   input.focus();
   input.select();
   const done = (isWanted) => {
     if (!input.isConnected) return;
     const text = input.value.trim();
-    card.name.hidden = card.rename.hidden = false;
+    card.name.hidden = false;
     input.remove();
     card.rename.focus();
     if (isWanted && text && text !== motion.name) act({ action: "rename", id, name: text });
@@ -194,9 +196,9 @@ function numbersOf({ cost, new: share, apart, isLoop }) {
   const rank = costs.filter((own) => own < cost).length + 1;
   const texts = [
     isKnown(share) && [`${percent(share)} new`, "share of windows that no clip of the library contains"],
-    isKnown(apart) && [`${apart.toFixed(0)}° apart`, "angle of the joints to the nearest motion that is kept"],
-    isKnown(cost) && [`rank ${rank} of ${costs.length}`, "by the cost of the donors; 1 is the smoothest"],
-    isLoop && ["loop", "its end continues its start"],
+    isKnown(apart) && [`${apart.toFixed(0)}° from kept`, "angle of the joints to the nearest motion that is kept"],
+    isKnown(cost) && [`fit ${rank} of ${costs.length}`, "place by the cost of its parts; 1 fits best"],
+    isLoop && ["loops", "its end continues its start"],
   ];
   return texts.filter(Boolean).map(([text, title]) => make("span", { text, title }));
 }
@@ -205,16 +207,12 @@ function writeCard(card, motion) {
   const { name, mark, isKept, violations } = motion;
   card.name.replaceChildren(...breakable(name));
   card.numbers.replaceChildren(...numbersOf(motion));
-  const marked = { star: ", starred", reject: ", rejected" }[mark] || "";
+  const marked = { star: ", favourite", reject: ", rejected" }[mark] || "";
   card.element.setAttribute("aria-label", name + marked);
   card.preview.setAttribute("aria-label", `Show ${name} on the stage`);
-  for (const kind of ["star", "reject"]) {
-    card[kind].setAttribute("aria-pressed", mark === kind);
-    card[kind].setAttribute("aria-label", `${sentence(kind)}: ${name}`);
-  }
-  card.more.setAttribute("aria-label", `Similar motions: ${name}`);
-  card.rename.setAttribute("aria-label", `Rename ${name}`);
-  card.keep.setAttribute("aria-label", `Keep for export: ${name}`);
+  for (const kind of ["star", "reject"]) card[kind].setAttribute("aria-pressed", mark === kind);
+  for (const own of [card.star, card.reject, card.more, card.rename]) own.ariaLabel = `${own.textContent}: ${name}`;
+  card.keep.ariaLabel = `Keep for export: ${name}`;
   card.keep.checked = isKept;
   card.element.classList.toggle("rejected", mark === "reject");
   card.element.classList.toggle("starred", mark === "star");

@@ -6,7 +6,7 @@ import { button, field, fill, icon, make, numberInput, parts, range, selectInput
 import { countViolated, DEFAULTS, FIELDS, framesText, NEW, newRecord, obstacleOf } from "./records.js";
 import { titleOf, upOf, violationText, worstOf } from "./records.js";
 
-const HINT = "Obstacles, targets of hands, feet and gaze: added at the figure, moved on the stage or by numbers.";
+const HINT = "Choose what the figure shall avoid or reach, and Add. Move it on the stage or by numbers: the motion is solved again.";
 let written = "";
 
 const clipNames = () => store.project.clips.map(({ name }) => name);
@@ -61,7 +61,7 @@ function write() {
   parts.constraints.replaceChildren(...own.map((each) => makeForm(motion, each)));
   if (focused) parts.constraints.querySelector(`[data-field="${CSS.escape(focused)}"]`)?.focus();
   const tab = document.getElementById("tab-constraints");
-  tab.replaceChildren("Constraints", ...(count ? [make("span", { class: "count-tag", text: `${count} violated` })] : []));
+  tab.replaceChildren("Obstacles, targets", ...(count ? [make("span", { class: "count-tag", text: `${count} violated` })] : []));
   markChosen();
 }
 
@@ -92,14 +92,14 @@ function makeForm(motion, { number, record }) {
     store.constraint = store.constraint === number ? null : number;
     emit("constraint");
   };
-  const choose = button(name, "Select, to move it on the stage", toggle, { class: isShape ? "choose" : "choose plain" });
-  choose.disabled = !isShape;
+  const choose = button("Move on the stage", "Show or hide the arrows that move it", toggle, { class: "choose", hidden: !isShape });
   const remove = () => act({ action: "drop_constraint", id: motion.id, number }, { said: `${name} removed.` });
-  const drop = button("✕", "Remove", remove, { "aria-label": `Remove ${name}` });
+  const drop = button("Remove", "Remove it; the parts of the motion stay", remove, { "aria-label": `Remove ${name}` });
   const isKept = isShape && !violations.length;
-  const kept = isKept ? make("span", { class: "tag", text: "✓ kept", title: "Satisfied in all its frames" }) : null;
-  const head = make("div", { class: "head" }, choose, make("span", { class: "faint", text: framesText(record) }), kept, drop);
-  const form = make("div", { class: "constraint", role: "group", "aria-label": name }, head);
+  const kept = isKept ? make("span", { class: "tag", text: "✓ satisfied", title: "In all its frames" }) : null;
+  const head = make("div", { class: "head" }, make("h3", { text: name }), make("span", { class: "faint", text: framesText(record) }), kept);
+  const buttons = make("div", { class: "row" }, choose, drop);
+  const form = make("div", { class: "constraint", role: "group", "aria-label": name }, head, buttons);
   form.dataset.number = number;
   if (violations.length) form.append(violationLine(violations));
   const save = (next) => setConstraint(motion, number, next);
@@ -120,11 +120,11 @@ const angleAbout = (up, [x, y, z, w]) => 2 * Math.atan2(new THREE.Vector3(x, y, 
 // Numbers as people see them: the unit, and the conversions from a value and to it.
 const SCALES = {
   length: ["", (value) => value, (shown) => shown],
-  seconds: ["s", (value) => value, (shown) => shown],
-  heights: ["heights", (value) => value, (shown) => shown],
-  angle: ["°", THREE.MathUtils.radToDeg, THREE.MathUtils.degToRad],
+  seconds: ["seconds", (value) => value, (shown) => shown],
+  heights: ["body heights", (value) => value, (shown) => shown],
+  angle: ["degrees", THREE.MathUtils.radToDeg, THREE.MathUtils.degToRad],
   yaw: [
-    "°",
+    "degrees",
     (value) => Math.round(THREE.MathUtils.radToDeg(angleAbout(upOf(mainFigure()), value))),
     (shown) => turnAbout(upOf(mainFigure()), THREE.MathUtils.degToRad(shown)),
   ],
@@ -184,6 +184,6 @@ function framesField(id, record, save) {
   const input = { step: 1, min: 0, max: nFrames() - 1, disabled: isAll };
   const given = { key: `${id}/frames`, names: ["first", "last"], input };
   const own = entries("frames", frames, (next) => save({ ...rest, frames: next.map(Math.round).sort((a, b) => a - b) }), given);
-  own.append(make("label", { class: "set axis" }, all, "all"));
+  own.append(make("label", { class: "set axis" }, all, "all frames"));
   return own;
 }

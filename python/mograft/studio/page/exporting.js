@@ -4,7 +4,7 @@ import { motions, on, selected, store } from "./store.js";
 import { countViolated } from "./records.js";
 import { counted, make, parts } from "./ui.js";
 
-const NONE = "Nothing is marked Keep: the motion on the stage is exported.";
+const NONE = "No motion is ticked “Keep for export”: the one on the stage is written.";
 const kept = () => motions().filter(({ isKept }) => isKept);
 const isGlb = (name) => /\.(glb|gltf)$/i.test(name);
 
@@ -15,7 +15,7 @@ export function startExport() {
   parts.exportClose.addEventListener("click", () => parts.exportDialog.close());
   on("project selected", () => {
     const count = kept().length;
-    parts.export.textContent = count ? `Export ${count}…` : "Export…";
+    parts.export.textContent = count ? `Export ${counted(count, "motion")}…` : "Export this motion…";
     parts.export.disabled = !count && !selected();
   });
 }
@@ -32,7 +32,7 @@ export function openExport() {
   const all = own.length ? own : [selected()];
   const names = all.map(({ name }) => name);
   const violated = all.reduce((sum, each) => sum + countViolated(each), 0);
-  const what = own.length ? `${counted(own.length, "motion")} marked Keep.` : NONE;
+  const what = own.length ? `${counted(own.length, "motion")} with a tick at “Keep for export”.` : NONE;
   parts.exportWhat.textContent = violated ? `${what} ${counted(violated, "constraint")} violated.` : what;
   const more = names.length > 8 ? [make("li", { text: `and ${names.length - 8} more` })] : [];
   parts.exportNames.replaceChildren(...names.slice(0, 8).map((name) => make("li", {}, make("bdi", { text: name }))), ...more);

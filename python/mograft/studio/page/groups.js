@@ -61,10 +61,10 @@ function write() {
     const onchange = () => (edited.chosen = index);
     const radio = make("input", { type: "radio", name: "group", checked: index === edited.chosen, onchange });
     const count = `${edited.of.filter((own) => own === index).length} joints`;
-    const note = make("span", { class: "faint", text: name === edited.base ? `${count}, kept from the base` : count });
+    const note = make("span", { class: "faint", text: name === edited.base ? `${count}, stay as in the base motion` : count });
     return make("label", { class: "set group" }, radio, dot, make("bdi", { text: name }), note);
   });
-  const name = make("input", { type: "text", "aria-label": "Name of a new group", placeholder: "new group", maxlength: "40" });
+  const name = make("input", { type: "text", "aria-label": "Name of a new group", placeholder: "name of a new group", maxlength: "40" });
   const addGroup = () => {
     const text = name.value.trim();
     if (!text || edited.names.includes(text)) return;
@@ -80,10 +80,10 @@ function write() {
   const isOpen = parts.groupsEditor.querySelector("details")?.open;
   const use = button("Use these groups", "Build the library with them", apply, { class: "main" });
   parts.groupsEditor.replaceChildren(
-    make("h2", { text: "Groups of joints" }),
+    make("h2", { text: "Joint groups" }),
     ...choices,
     make("div", { class: "set" }, name, button("Add group", "A further group", addGroup)),
-    make("details", { open: Boolean(isOpen) }, make("summary", { text: "all joints" }), ...lists),
+    make("details", { open: Boolean(isOpen) }, make("summary", { text: "group of each joint" }), ...lists),
     make("div", { class: "row" }, use, button("Cancel", "Escape", end)),
   );
 }

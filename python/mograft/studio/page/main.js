@@ -1,5 +1,5 @@
 // Start of the studio: listen to the server, draw, and connect buttons and keys.
-import { readTheme } from "/viewer/colours.js";
+import { ink, readTheme } from "/viewer/colours.js";
 import { find, root } from "/viewer/scene.js";
 import { startCards } from "./cards.js";
 import { startConstraints } from "./constraints.js";
@@ -18,7 +18,6 @@ import { startTimeline } from "./timeline.js";
 import { listenToTabs } from "./ui.js";
 import { redrawAll, startView } from "./view.js";
 
-readTheme();
 startView();
 startGizmo();
 startStage();
@@ -34,16 +33,17 @@ startExport();
 startKeys();
 for (const list of root.querySelectorAll('[role="tablist"]')) listenToTabs(list);
 
-export function changeTheme() {
+function changeTheme() {
   readTheme();
+  find("theme").textContent = ink.dark ? "Light page" : "Dark page";
   emit("theme");
   redrawAll();
 }
 find("theme").addEventListener("click", () => {
-  const isDark = getComputedStyle(root).getPropertyValue("--dark").trim() === "1";
-  document.documentElement.dataset.theme = isDark ? "light" : "dark";
+  document.documentElement.dataset.theme = ink.dark ? "light" : "dark";
   changeTheme();
 });
+changeTheme();
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", changeTheme);
 
 listen(

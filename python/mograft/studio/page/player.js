@@ -30,7 +30,7 @@ export function seek(frame) {
 
 function writeFrame() {
   parts.time.textContent = `${seconds(player.frame)} s`;
-  parts.total.textContent = `/ ${nFrames() - 1}`;
+  parts.total.textContent = `of ${nFrames() - 1}`;
   const input = parts.frame;
   input.max = nFrames() - 1;
   if (document.activeElement !== input) input.value = player.frame;
@@ -56,7 +56,7 @@ function tick(time) {
 export function play(isOn = !player.isPlaying) {
   player.isPlaying = isOn && nFrames() > 1;
   const button = parts.play;
-  button.setAttribute("aria-label", player.isPlaying ? "Pause" : "Play");
+  button.ariaLabel = button.lastElementChild.textContent = player.isPlaying ? "Pause" : "Play";
   button.querySelector("use").setAttribute("href", player.isPlaying ? "#i-pause" : "#i-play");
   clock = performance.now();
   carried = 0;

@@ -1,9 +1,9 @@
 // Constraints as records: their names, their fields, and new ones near a figure.
 import { nodePlace } from "/viewer/poses.js";
 import { poseNow } from "./player.js";
-import { percent, range } from "./ui.js";
+import { range } from "./ui.js";
 
-const SHAPES = { Sphere: "Sphere", Box: "Box", Capsule: "Capsule", HalfSpace: "Wall", Character: "Character" };
+const SHAPES = { Sphere: "Sphere", Box: "Box", Capsule: "Capsule", HalfSpace: "Wall", Character: "Other character" };
 
 export const obstacleOf = (record) => record.obstacle || record.region || null;
 
@@ -11,15 +11,16 @@ export function nameOf(record) {
   const obstacle = obstacleOf(record);
   if (record.kind === "Avoid") return SHAPES[obstacle?.kind] || "Obstacle";
   if (record.kind === "KeepOut")
-    return `${record.joint} ${record.inside ? "inside" : "outside"} ${(SHAPES[obstacle?.kind] || "region").toLowerCase()}`;
-  if (record.kind === "Reach") return `${record.joint} to target`;
-  if (record.kind === "Face") return `${record.joint || "Head"} looks at`;
-  if (record.kind === "AvoidSelf") return "Own body";
-  const where = record.group ? `${record.group}: ` : "";
-  if (record.kind === "KeepOriginal") return `${where}captured`;
+    return `${record.joint} stays ${record.inside ? "in" : "out of"} the ${(SHAPES[obstacle?.kind] || "region").toLowerCase()}`;
+  if (record.kind === "Reach") return `${record.joint} reaches the target`;
+  if (record.kind === "Face") return `${record.joint || "Head"} faces the target`;
+  if (record.kind === "AvoidSelf") return "No limb through the body";
+  const who = record.group || "all groups";
+  if (record.kind === "KeepOriginal") return `${who}: captured motion stays`;
   if (record.kind === "Use" || record.kind === "Ban") {
     const [clip, from, to] = [record.donor].flat();
-    return `${where}${record.kind === "Ban" ? "not " : ""}${clip}${from === undefined ? "" : ` ${range(from, to)}`}`;
+    const verb = record.kind === "Ban" ? "banned part" : "chosen part";
+    return `${who}: ${verb} ${clip ?? ""}${from === undefined ? "" : ` ${range(from, to)}`}`;
   }
   return record.kind;
 }
@@ -33,28 +34,32 @@ export function titleOf({ constraints }, number) {
 }
 
 // A violation as people read it, and the frame of its largest error.
+const ofHeight = (share) => `${(100 * share).toFixed(1)} % of the body height`;
 export const violationText = ({ text }) =>
   text
     .replace(/^\w+ is v/, "V")
     .replace(/(\d+) to (\d+)/, "$1–$2")
-    .replace(/ by (.+): penetration depth ([\d.]+) .*/, (_, joint, depth) => `: ${percent(depth)} of the height inside ${joint}`);
+    .replace(/ by (.+): penetration depth/, ": $1 is in it by")
+    .replace(/self-collision (\S+) heights/, "limbs are in each other by $1 heights")
+    .replace(/([\d.]+) heights(?: \([^)]*\))?/, (_, share) => ofHeight(share))
+    .replace(/, tolerance ([\d.]+)(°?)/, (_, limit, sign) => `; allowed: ${sign ? `${limit}°` : ofHeight(limit)}`);
 export const worstOf = ({ first, text }) => Number(/worst at (\d+)/.exec(text)?.[1] ?? first);
 export const countViolated = ({ violations }) => new Set(violations.map(({ number }) => number)).size;
 
-export const framesText = ({ frames }) => (frames ? `frames ${range(...frames)}` : "all frames");
+export const framesText = ({ frames }) => (frames ? `${frames[0] === frames[1] ? "frame" : "frames"} ${range(...frames)}` : "all frames");
 
 // The fields of each kind: name in the record, kind of the field, and another name for people.
 const TEXTS = {
   Sphere: "center vector centre, radius length",
-  Box: "center vector centre, half sizes half size, rotation yaw yaw",
+  Box: "center vector centre, half sizes half size, rotation yaw turn",
   Capsule: "start vector, stop vector end, radius length",
-  HalfSpace: "point vector, normal vector free side",
-  Character: "motion clip clip, offset vector place, yaw angle, delay seconds",
-  Reach: "joint joint, target vector, tolerance heights within",
-  Face: "joint joint?, target vector, tolerance angle within",
+  HalfSpace: "point vector, normal vector open side",
+  Character: "motion clip clip, offset vector place, yaw angle turn, delay seconds",
+  Reach: "joint joint, target vector, tolerance heights accept within",
+  Face: "joint joint?, target vector, tolerance angle accept within",
   KeepOut: "joint joint, inside flag stay inside",
-  Avoid: "margin heights",
-  AvoidSelf: "tolerance heights",
+  Avoid: "margin heights keep away by",
+  AvoidSelf: "tolerance heights allowed depth",
 };
 const fieldOf = (text) => {
   const [name, kind, ...words] = text.split(" ");
@@ -85,20 +90,20 @@ const avoid = (obstacle) => ({ kind: "Avoid", obstacle });
 
 // New records, by the names of what they add; see `newRecord` for what they are made of.
 export const NEW = {
-  Sphere: ({ near, long }) => avoid({ kind: "Sphere", center: near(0.65, 0.35), radius: long(0.12) }),
-  Box: ({ near, long }) =>
+  "Sphere to avoid": ({ near, long }) => avoid({ kind: "Sphere", center: near(0.65, 0.35), radius: long(0.12) }),
+  "Box to avoid": ({ near, long }) =>
     avoid({ kind: "Box", center: near(0.3, 0.5), half: Array(3).fill(long(0.15)), rotation: [0, 0, 0, 1] }),
-  Capsule: ({ near, long }) =>
+  "Capsule to avoid": ({ near, long }) =>
     avoid({ kind: "Capsule", start: near(0.1, 0.4, 0.2), stop: near(1, 0.4, 0.2), radius: long(0.06) }),
-  Wall: ({ near, along, aside }) => avoid({ kind: "HalfSpace", point: near(0.5, 0.6 + aside), normal: along(0, 0, -1) }),
-  Character: ({ along, tall, aside, clipName: name }) =>
+  "Wall to avoid": ({ near, along, aside }) => avoid({ kind: "HalfSpace", point: near(0.5, 0.6 + aside), normal: along(0, 0, -1) }),
+  "Other character to avoid": ({ along, tall, aside, clipName: name }) =>
     avoid({ kind: "Character", motion: { name }, offset: along((0.8 + aside) * tall, 0, 0), yaw: 0, delay: 0, radius: 1 }),
-  "Hand or foot target": ({ near, hand, frame }) =>
+  "Hand or foot reaches a target": ({ near, hand, frame }) =>
     ({ kind: "Reach", joint: hand, target: near(0.7, 0.25), frames: [frame, frame] }),
-  "Gaze target": ({ near, frames }) => ({ kind: "Face", target: near(0.9, 1), frames }),
-  "Region of a joint": ({ near, long, hand }) =>
+  "Head faces a target": ({ near, frames }) => ({ kind: "Face", target: near(0.9, 1), frames }),
+  "Joint stays out of a region": ({ near, long, hand }) =>
     ({ kind: "KeepOut", joint: hand, region: { kind: "Sphere", center: near(0.5, 0.2), radius: long(0.15) } }),
-  "Own body": () => ({ kind: "AvoidSelf" }),
+  "No limb through the body": () => ({ kind: "AvoidSelf" }),
 };
 
 const placeOf = (record, own = obstacleOf(record) || record) => own.center || own.start || own.point || own.offset || own.target;

@@ -4,7 +4,7 @@ import { floorPoint, label, onMarks, onPointer, redrawStage, setStageMode } from
 import { entries } from "./constraints.js";
 import { mainFigure } from "./player.js";
 import { act, on, select, store } from "./store.js";
-import { button, parts, showTab } from "./ui.js";
+import { button, counted, parts, showTab } from "./ui.js";
 
 const MIN_STEP = 0.08; // Distance of points of a path while it is drawn, in heights.
 const MAX_TAPS = 8;
@@ -24,6 +24,7 @@ export function startScenario() {
     });
   parts.addPoint.addEventListener("click", () => setPoints([...points, nextPoint()]));
   parts.tap.addEventListener("click", tap);
+  parts.scenarioCount.addEventListener("input", writeMake);
   onPointer("draw", { down: (at, view) => add(at, view, true), drag: (at, view) => add(at, view) });
   onMarks(drawPath);
   on("project", () => (parts.makeScenario.disabled = store.project.library?.status !== "ready"));
@@ -71,18 +72,24 @@ function setPoints(next) {
   points = next;
   parts.clearPath.disabled = !points.length;
   const length = points.slice(1).reduce((sum, [x, z], i) => sum + Math.hypot(x - points[i][0], z - points[i][1]), 0);
+  writeMake();
   parts.pathLength.textContent = points.length
     ? `${points.length} points, ${(length / height()).toFixed(1)} heights long`
-    : "No path: the motion goes where its parts lead.";
+    : "No path: the motions go where their parts lead.";
   parts.points.replaceChildren(...points.map(pointRow));
   redrawStage();
+}
+
+function writeMake() {
+  const text = `Make ${counted(Number(parts.scenarioCount.value) || 1, "motion")}`;
+  parts.makeScenario.textContent = points.length ? `${text} along this path` : text;
 }
 
 function pointRow(point, index) {
   const save = (next) => setPoints(points.map((own, k) => (k === index ? next : own)));
   const row = entries(`${index + 1}`, point, save, { key: `point/${index}`, names: "xz" });
   const remove = () => setPoints(points.filter((_, k) => k !== index));
-  row.append(button("✕", "Remove", remove, { "aria-label": `Remove point ${index + 1}` }));
+  row.append(button("Remove", "Remove this point", remove, { "aria-label": `Remove point ${index + 1}` }));
   return row;
 }
 

@@ -80,7 +80,7 @@ function describe({ group, first, last, isCaptured }) {
   for (let part = 0; part < row.start.length && texts.length < 4; part++) {
     const [a, b] = [row.start[part], row.stop[part]];
     if (b <= first || a >= last) continue;
-    if (row.source[part] < 0) texts.push(`${range(a, b)} captured`);
+    if (row.source[part] < 0) texts.push(`${range(a, b)} captured with the base motion`);
     else {
       const share = Math.round(100 * row.stretch[part]);
       const stretch = share ? `, ${Math.abs(share)} % ${share > 0 ? "longer" : "shorter"}` : "";
@@ -106,7 +106,7 @@ function ask(isForced = false, wanted = LIMIT) {
   const [motion, { focus }] = [selected(), store];
   if (focus.isCaptured || focus.group === null || focus.isDragging) {
     parts.donorRows.replaceChildren();
-    parts.donorCount.textContent = focus.group === null ? "Donors are listed for the frames of one group." : "";
+    parts.donorCount.textContent = focus.group === null ? "Parts are listed for the frames of one joint group." : "";
     parts.moreDonors.hidden = parts.donors.hidden = true;
     forget();
     return;
@@ -120,7 +120,7 @@ function ask(isForced = false, wanted = LIMIT) {
   const number = ++asked;
   timer = setTimeout(async () => {
     const body = { id: motion.id, group, first, last, limit, ...varietyOf() };
-    parts.donorCount.textContent = "Donors are compared…";
+    parts.donorCount.textContent = "Parts are compared…";
     const found = await attempt(() => send("/api/donors", body));
     if (number !== asked) return;
     if (!found) {
@@ -139,24 +139,26 @@ function writeDonors({ donors, total }, focus, lock) {
   parts.donorRows.replaceChildren(...donors.map((own) => donorRow(own, focus, lock)));
   if (number >= 0) parts.donorRows.children[Math.min(number, donors.length - 1)]?.querySelector("button")?.focus();
   const allowed = donors.filter(({ refused }) => !refused).length;
-  parts.donorCount.textContent = `${allowed} of ${total} possible donors${lock ? "; locked: unlock to change" : ""}. Point at one to see it in place.`;
+  const what = lock ? "Locked: unlock to change." : "Point at one to see it on the figure; Use exchanges it.";
+  parts.donorCount.textContent = `${allowed} of ${total} can be used. ${what}`;
   parts.donors.hidden = !donors.length;
   parts.moreDonors.hidden = donors.length >= total || donors.length < limit;
 }
 
+const refusalOf = (text) => text.replace(/length: \S+ is (not below|above) \S+/, "too long or too short").replace("seam: ", "jump of ");
 // A cell with a number, empty if it is unknown.
 const cell = (value, show) => make("td", { text: value === null || value === undefined ? "" : show(value) });
 
 function donorRow(own, focus, lock) {
   const { clip, first, last, refused, isUsed, seamAfter } = own;
   const name = `${clip} ${range(first, last)}`;
-  const title = refused ? `Refused: ${refused}` : "Use this donor here";
+  const title = refused ? `Refused: ${refused}` : "Use this part here";
   const act = () => change("take", { clip, from: first, to: last });
-  const take = button("Take", title, act, { "aria-label": `Take ${name}` });
+  const take = button("Use", title, act, { "aria-label": `Use ${name}` });
   take.disabled = Boolean(refused) || Boolean(lock) || isUsed;
   const see = button("", "Show in place", () => preview(own), { class: "plain" });
   see.append(...breakable(clip), " ", make("span", { text: range(first, last) }));
-  const note = refused ? ["why", refused] : ["tag", "in use"];
+  const note = refused ? ["why", `not possible: ${refusalOf(refused)}`] : ["tag", "in use now"];
   const row = make(
     "tr",
     { class: refused ? "refused" : isUsed ? "used" : "" },

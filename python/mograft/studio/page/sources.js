@@ -33,7 +33,7 @@ function write() {
   const meshes = sources.filter(({ name }) => /\.(glb|gltf)$/i.test(name)).map(({ path, name }) => [path, name]);
   const isOther = character && !meshes.some(([path]) => path === character);
   if (isOther) meshes.push([character, character.split(/[\\/]/).at(-1)]);
-  fill(parts.character, [["", "that of each file"], ...meshes], character || "");
+  fill(parts.character, [["", "the character of each file"], ...meshes], character || "");
   writeLibrary(library);
   writeProgress();
   parts.welcome.hidden = sources.length > 0 || motions.length > 0;

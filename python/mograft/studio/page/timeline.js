@@ -2,11 +2,10 @@
 import { ink, numberColour } from "/viewer/colours.js";
 import { clamp } from "/viewer/scene.js";
 import { laneOfConstraints } from "./ranges.js";
-import { titleOf, violationText, worstOf } from "./records.js";
 import { mainFigure, nFrames, player, seconds, seek } from "./player.js";
 import { baseFigure } from "./stage.js";
 import { focusOn, on, selected, store } from "./store.js";
-import { button, icon, make, named, parts, range, showTab } from "./ui.js";
+import { icon, make, named, parts, range } from "./ui.js";
 
 const BLOCK_WIDTH = 74; // Pixels of a block at first, about.
 const WIDE_SEAM = 45; // Degrees of a seam whose mark has the full height.
@@ -139,13 +138,6 @@ function write() {
 // Segments share their first frame with the one before.
 export const overlaps = (own, first, last) => own.first < last && own.last > first;
 
-// The violations of a group: by its joint, or of all groups if that is unknown.
-function isOfGroup({ group, joint }, name) {
-  const { names, joints } = store.project.groups;
-  const found = group ?? names.find((own) => joints[own]?.includes(joint)) ?? name;
-  return found === name || (found === store.project.groups.base && lanes()[0]?.row.group === name);
-}
-
 function makeLane({ clip, row, isCaptured }, motion) {
   const lane = make("div", { class: "lane", role: "group", "aria-label": isCaptured ? `${row.group}, captured` : row.group });
   lane.dataset.group = row.group;
@@ -160,17 +152,6 @@ function makeLane({ clip, row, isCaptured }, motion) {
   for (const own of motion.locks) {
     if (own.group !== null && own.group !== row.group) continue;
     const mark = make("div", { class: "locked", title: `locked in ${range(own.first, own.last)}` }, icon("lock"));
-    lane.append(place(mark, own.first, own.last));
-  }
-  for (const own of motion.violations) {
-    if (!isOfGroup(own, row.group)) continue;
-    const show = () => {
-      seek(worstOf(own));
-      showTab(document.getElementById("tab-constraints"));
-    };
-    const text = `${titleOf(motion, own.number)}: ${violationText(own)}`;
-    const mark = button("", text, show, { class: "violated", "aria-label": text });
-    mark.append(icon("warn"));
     lane.append(place(mark, own.first, own.last));
   }
   return lane;
@@ -227,7 +208,7 @@ export function selectBlock(group, part, isSeeking = true) {
 // A click selects a block, a drag a range of frames in its lane.
 function beginDrag(event) {
   const lane = event.target.closest(".lane");
-  if (!lane || event.button !== 0 || event.target.closest(".violated")) return;
+  if (!lane || event.button !== 0) return;
   const from = { x: event.clientX, frame: frameAt(event), group: lane.dataset.group };
   let isDragged = false;
   const { isCaptured } = lanes().find(({ row }) => row.group === from.group);

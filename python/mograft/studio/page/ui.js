@@ -55,8 +55,10 @@ export const selectInput = (options, value, given = {}) => fill(make("select", g
 export const breakable = (text) => text.split(/(?<=_)/).flatMap((part) => [part, make("wbr")]);
 
 // A step of the server as people read it.
+const KINDS = { Avoid: "obstacle", Reach: "target", Face: "target of the head", KeepOut: "region", AvoidSelf: "rule for limbs" };
+const STEPS = { Use: "chosen part", Ban: "banned part", KeepOriginal: "captured part", ...KINDS };
 export const sentence = (text) =>
-  text && `${text[0].toUpperCase()}${text.slice(1)}`.replace(/(add|move|remove) Avoid$/i, "$1 obstacle");
+  text && `${text[0].toUpperCase()}${text.slice(1)}`.replace(/(?<=(add|move|remove) )\w+$/i, (kind) => STEPS[kind] ?? kind);
 
 // An element with a name from a file and a note.
 export const named = (tag, given, name, note, kind = "faint") =>
