@@ -70,7 +70,7 @@ def _run(command: Command, options: Options) -> int:
         if isinstance(error, OSError) and error.filename and error.strerror:
             text = f"{error.filename}: {error.strerror}"
             text += suggest_path(os.fsdecode(error.filename)) * (error.errno == errno.ENOENT)
-            if error.errno == errno.EISDIR:
+            if error.strerror == os.strerror(errno.EISDIR):  # of a file that is read
                 from mograft.cli.files import describe_folder  # takes long to import
 
                 name = os.fsdecode(error.filename)
