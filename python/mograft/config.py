@@ -21,6 +21,10 @@ _FUNCTION = "function "  # marks the name of a function in `Config.as_dict`
 T = TypeVar("T")
 
 
+_FACTORS = ("length_weight", "distance_weight", "balance_weight", "novelty", "diversity")
+"""Factors of costs: infinity times a cost of 0 is not a number."""
+
+
 def setting(stage: str, default: T, at_least: float | None = None, *, stored: bool = True) -> T:
     """Return a field of `Config` that belongs to one of `STAGES`.
 
@@ -261,6 +265,8 @@ class Config:
                 raise ValueError(f"`{own.name}` must be above 0, got {value!r}")
             if not value >= 0:
                 raise ValueError(f"`{own.name}` must not be negative, got {value!r}")
+            if value == math.inf and own.name in _FACTORS:
+                raise ValueError(f"`{own.name}` must be finite, got {value!r}")
 
     def _check_segmentation(self) -> None:
         """Check `segmentation`, and replace a mapping by an immutable copy."""

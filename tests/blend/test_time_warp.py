@@ -50,6 +50,13 @@ def test_warping_path_is_monotone_within_band_and_keeps_ends(gaps):
     assert np.abs(path - 2 * np.arange(n + 1)).max() <= max(round(0.4 * n), 1)
 
 
+@given(npst.arrays(np.float64, (3, 2, 9, 17), elements=st.floats(0, 3)))
+def test_warping_path_of_several_is_that_of_each(gaps):
+    paths = warping_path(gaps)
+    for index in np.ndindex(gaps.shape[:2]):
+        assert np.array_equal(paths[index], warping_path(gaps[index]))
+
+
 @settings(max_examples=25)
 @given(distances(6))
 def test_warping_path_is_shortest_of_all_paths(gaps):

@@ -194,7 +194,8 @@ def test_index_unmatched_rates_and_tags_print_warning(succeed, folder, tmp_path)
     tags.write_text("clip,tag\na.bvh,slow\nz*,fast\n")
     words = ["--tags", tags, "--true-rate", "b=60", "--true-rate", "c=60"]
     err = succeed("index", folder, "-o", tmp_path / "lib", *words)[1]
-    assert "no clip matches these names of --true-rate or --tags: c, z*" in err
+    assert "1 of 2 names of --tags match no clip and have no effect: z*" in err
+    assert "1 of 2 names of --true-rate match no clip and have no effect: c" in err
 
 
 def test_plot_strip_unknown_body_needs_no_groups(run, tmp_path):

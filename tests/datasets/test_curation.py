@@ -2,7 +2,11 @@
 
 import csv
 import json
+import re
+import shutil
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -51,19 +55,32 @@ def test_dropped_segments_are_within_the_radius(with_copies, radius, part):
 
 
 @few_examples(10)
-@given(radius=st.floats(0.3, 3.0))
-def test_choices_of_shards_are_chosen_from_within_twice_the_radius(with_copies, radius):
+@given(radius=st.floats(0.3, 5.0), shards=st.integers(2, 20))
+def test_dropped_segments_are_within_the_radius_of_choices_in_shards(with_copies, radius, shards):
     library, clips = with_copies, with_copies.segments.clip
-    kept = []
-    for half in (0, 1):
-        shard = replace(library, is_donor=clips % 2 == half)
-        kept += datasets.curate(shard, radius=radius).kept
-    is_left = np.isin(library.names, kept)[clips]
-    final = datasets.curate(replace(library, is_donor=is_left), radius=radius).kept
+    found = datasets.curate(library, radius=radius, shards=shards)
+    assert found.radius == radius
     points = spread(library, None)
-    is_kept = np.isin(library.names, final)[clips]
+    is_kept = np.isin(library.names, found.kept)[clips]
     gaps = np.linalg.norm(points[:, None] - points[is_kept][None], axis=2).min(axis=1)
-    assert gaps.max() <= 2 * radius * (1 + 1e-9)
+    assert gaps.max() <= radius * (1 + 1e-9)
+    for clip, own in enumerate(found.choices):
+        assert own.nearest == pytest.approx(gaps[clips == clip].max(), abs=1e-9)
+    assert len(found.curve) == len(found.kept)
+    assert found.curve[-1] == (sum(own.frames for own in found.choices if own.is_kept), 1.0)
+
+
+def test_executors_choose_the_same_clips(stored, takes):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+    expected = datasets.curate(stored, keep=0.8, shards=3).choices
+    cluster = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
+    )
+    with cluster, distributed.Client(cluster) as client:
+        found = datasets.curate(stored, keep=0.8, shards=3, executor=client.get_executor())
+    assert found.choices == expected
+    with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match="`executor` needs"):
+        datasets.curate(mg.Library.build(takes[:2]), executor=pool)
 
 
 def test_copies_are_dropped(with_copies):
@@ -89,6 +106,7 @@ def test_share_is_not_exceeded(with_copies, share):
     [
         ({"radius": 1.0, "keep": 0.1}, "together with `radius`"),
         ({"radius": 0.0}, "`radius` must be"),
+        ({"shards": 0}, "`shards` must be"),
         ({"keep": 1.5}, "`keep` must be"),
         ({"keep": 0.001}, "`keep` must be at least"),
         ({"part": "arms"}, "`group` must be one of"),
@@ -134,14 +152,62 @@ def test_command_prints_the_kept_files_and_writes_a_table(stored, tmp_path, caps
         ("--keep 200%", 2, "must be a share from 0 to 1, or a percentage"),
         ("--keep 0.1%", 1, "--keep must be at least"),
         ("--part arms", 1, "must be one of lower, upper"),
-        ("-o {tmp}/a.bvh", 2, "-o must be a file that ends in .csv"),
+        ("-o {tmp}/a.bvh", 2, "-o must be a folder or a file that ends in .csv"),
+        ("-o {tmp}/a.csv --files copy", 2, "--files requires -o with a folder"),
+        ("-o {lib}", 1, "exists; choose another folder"),
     ],
 )
 def test_mistakes_are_one_line(stored, tmp_path, capsys, words, code, message):
     try:
-        found = main(["curate", str(stored.folder), *words.format(tmp=tmp_path).split()])
+        found = main(
+            ["curate", str(stored.folder), *words.format(tmp=tmp_path, lib=stored.folder).split()]
+        )
     except SystemExit as stop:
         found = stop.code
     assert found == code
     assert message in capsys.readouterr().err.splitlines()[-1]
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("files", ["link", "copy", None])
+def test_command_writes_a_folder_with_page_and_files(stored, tmp_path, capsys, files):
+    found = datasets.curate(stored, radius=3.0)
+    target = tmp_path / "choice"
+    words = ["curate", str(stored.folder), "--radius", "3", "-o", str(target)]
+    assert main([*words, *([] if files is None else ["--files", files])]) == 0
+    assert [own.name for own in tmp_path.iterdir()] == ["choice"]
+    with (target / "clips.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["clip"] for row in rows if row["kept"] == "1"] == found.kept
+    page = (target / "index.html").read_text()
+    assert all(f"kept: {name}" in page for name in found.kept[:5])
+    points = re.search(r'polyline points="([^"]+)"', page)[1].split()
+    assert len(points) == len(found.curve) + 1
+    heights = [float(own.split(",")[1]) for own in points]
+    assert heights == sorted(heights, reverse=True)
+    assert heights[-1] == pytest.approx(44.0)
+    clips = sorted((target / "clips").rglob("*.bvh"))
+    paths = [Path(own.source_file.path) for own in stored.entries if own.name in found.kept]
+    assert len(clips) == (0 if files is None else len(paths))
+    for clip in clips:
+        (source,) = (own for own in paths if own.name == clip.name)
+        assert clip.is_symlink() == (files == "link")
+        assert clip.read_bytes() == source.read_bytes()
+    capsys.readouterr()
+    assert main(words) == 1
+    assert "exists; choose another folder" in capsys.readouterr().err
+
+
+def test_choice_that_cannot_be_complete_is_not_written(takes, clip_folder, tmp_path):
+    library = mg.Library.build(takes[:2])
+    found = datasets.curate(library)
+    with pytest.raises(ValueError, match="`files` needs clips of files, 2 kept clips are from no"):
+        datasets.write_choice(library, found, tmp_path / "set", files="copy")
+    shutil.copytree(clip_folder, tmp_path / "clips")
+    library = mg.Library.index(tmp_path / "clips", tmp_path / "lib")
+    found = datasets.curate(library, radius=0.1)
+    Path(library.entries[-1].source_file.path).unlink()
+    for files in ("link", "copy"):
+        with pytest.raises(FileNotFoundError, match=library.names[-1]):
+            datasets.write_choice(library, found, tmp_path / "set", files=files)
+    assert sorted(own.name for own in tmp_path.iterdir()) == ["clips", "lib"]

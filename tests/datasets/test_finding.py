@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft import datasets
 from mograft.cli import main
-from mograft.datasets.finding import _nearest_runs
+from mograft.datasets.finding import _Query
 from tests.datasets.test_splits import turned
 from tests.strategies import few_examples
 
@@ -38,7 +39,8 @@ def test_nearest_runs_match_exhaustive_search(stored, clip, first, n, count, gro
     cut = stored.segments
     own = cut.of_clip(clip)[first : first + n]
     is_wanted = np.random.default_rng(seed).random(len(cut)) < 0.97
-    found, distances = _nearest_runs(stored, own, groups, is_wanted, count)
+    query = _Query(stored, own, groups, np.zeros(0, int), is_wanted, count)
+    found, distances = query.nearest_runs(np.arange(len(cut))).T
     totals = {}
     for run in range(len(cut) - len(own) + 1):
         members = np.arange(run, run + len(own))
@@ -84,6 +86,25 @@ def test_hits_overlap_neither_each_other_nor_the_query(with_copies, part):
     for own in spans.values():
         ordered = sorted(own)
         assert all(one[1] <= two[0] for one, two in itertools.pairwise(ordered))
+
+
+@pytest.mark.parametrize("query", ["p0_100", "motion"])
+def test_executors_find_the_same_spans(stored, takes, query):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+    query = turned(takes[1][20:140], 0.5) if query == "motion" else query
+    expected = datasets.find(stored, query, frames=(20, 90), top=9)
+    with ThreadPoolExecutor(2) as pool:
+        assert datasets.find(stored, query, frames=(20, 90), top=9, executor=pool) == expected
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        pool = client.get_executor()
+        assert datasets.find(stored, query, frames=(20, 90), top=9, executor=pool) == expected
+    with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match="`executor` needs"):
+        datasets.find(mg.Library.build(takes[:2]), takes[0].name, executor=pool)
 
 
 def test_motion_outside_the_library_finds_its_copy(with_copies, takes):

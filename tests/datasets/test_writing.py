@@ -20,7 +20,8 @@ import mograft as mg
 from mograft import datasets
 from mograft._util.workers import worker_processes
 from mograft.cli import main
-from mograft.datasets import shards, writing
+from mograft.dancer import dance
+from mograft.datasets import measuring, shards, writing
 from mograft.datasets.augmentation import PROVENANCE
 
 RUN = """
@@ -99,6 +100,21 @@ def test_rows_are_those_of_the_jobs(windows, tmp_path):
     report = found.manifest["report"]
     assert report["bases"] == len({row["base"] for row in rows})
     assert report["new_frames"] >= windows.min_new
+    library, cut = windows.library, windows.library.segments
+    usable = [
+        k for k, clip in enumerate(cut.clip) if library.is_donor[k] and windows.part.clips[clip]
+    ]
+    for group, labels in library.labels.items():
+        columns = ("base", "start") if group == library.groups.base else ("clip", "clip_start")
+        places = {tuple(row[name] for name in columns) for row in rows}
+        used = {
+            labels[k]
+            for k, clip in enumerate(cut.clip)
+            if (library.names[clip], str(cut.start[k])) in places
+        }
+        share = sum(labels[k] in used for k in usable) / len(usable)
+        assert 0 < share < 1
+        assert report["coverage"][group] == pytest.approx(share)
 
 
 def test_parquet_rows_are_those_of_npz(windows, tmp_path):
@@ -351,3 +367,45 @@ def test_motion_files_need_one_process(clip_folder, tmp_path, capsys):
         main(["augment", *files, "-o", str(tmp_path / "b"), "-n", "3", "-j", "2"])
     assert "--jobs requires a library in a folder" in capsys.readouterr().err
     assert not (tmp_path / "b").exists()
+
+
+def test_measure_compares_grafts_of_the_set(windows, stored, tmp_path, monkeypatch, capsys):
+    pytest.importorskip("sklearn", reason="scikit-learn is not installed")
+    monkeypatch.setattr(measuring, "_MAX_GRAFTS", 2)
+    datasets.write(windows, tmp_path / "set", 12)
+    built, compare = [], measuring.detectability
+    monkeypatch.setattr(measuring, "detectability", lambda *arguments: built.append(arguments))
+    datasets.measure(windows, tmp_path / "set")
+    ((_, grafts, seed),) = built
+    grafts = [own for several in grafts for own in several]
+    assert (len(grafts), seed) == (2, windows.seed)
+    with (tmp_path / "set/provenance.csv").open(newline="") as stream:
+        rows = {int(own["window"]): own for own in csv.DictReader(stream)}
+    shown = list(dict.fromkeys((own["base"], own["draw"]) for own in rows.values()))
+    found = datasets.read_set(tmp_path / "set")
+    for graft, (base, draw) in zip(grafts, (shown[0], shown[-1]), strict=True):
+        assert graft.base.name == base
+        for index, row in rows.items():
+            if (row["base"], row["draw"]) == (base, draw):
+                own = graft.motion.rotations[int(row["base_start"]) : int(row["base_stop"]) + 1]
+                assert np.array_equal(own.astype(np.float32), found[index]["rotations"])
+    monkeypatch.setattr(measuring, "detectability", compare)
+    words = f"augment {stored.folder} -o {tmp_path}/cli -n 3 --seconds 2 --measure --json"
+    assert main(words.split()) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["detectability"] is None
+    assert "warning: detectability needs 60 windows at seams" in err
+
+
+@pytest.mark.thorough
+def test_measure_states_intervals(tmp_path, capsys):
+    for seed in range(4):
+        mg.write_bvh(dance(seed=seed, strides=2).motion, tmp_path / f"clips{seed}.bvh")
+    mg.Library.index(tmp_path, tmp_path / "lib")
+    words = f"augment {tmp_path}/lib -o {tmp_path}/set -n 60 --seconds 2 --measure --json"
+    assert main(words.split()) == 0
+    out, err = capsys.readouterr()
+    found = json.loads(out)["detectability"]["seams"]["gross"]
+    low, high = found["interval"]
+    assert 0 <= low <= found["value"] <= high <= 1
+    assert "AUC of classifiers, seams: 0." in err

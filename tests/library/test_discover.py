@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft.cli.files import expand_folders
-from mograft.library.discover import exclude_grafts, find_clips, read_tags, relative_path
+from mograft.library.discover import exclude_grafts, find_clips, relative_path
 
 FOLDER_PATHS = st.lists(st.sampled_from(["a", "b", "..", ".", "a b"]), max_size=5).map("/".join)
 
@@ -21,19 +21,6 @@ def test_relative_path_matches_os_path_relpath(folders, folder, is_absolute):
     path = os.path.abspath(path) if is_absolute else path
     expected = Path(os.path.relpath(path, folder or "."))
     assert relative_path(path, Path(folder)) == expected
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("clip,tag\nwalk\n", r"tags\.csv:2: expected a clip and its tags, got \['walk'\]"),
-        (f"walk,slow\nrun,{'x' * 200_000}\n", r"tags\.csv:2: expected CSV: field larger than"),
-    ],
-)
-def test_read_tags_invalid_row_raises_value_error_with_line(tmp_path, text, message):
-    (tmp_path / "tags.csv").write_text(text)
-    with pytest.raises(ValueError, match=message):
-        read_tags(tmp_path / "tags.csv")
 
 
 VISIBLE = st.sampled_from(["walk.bvh", "RUN.BVH", "a b.Bvh"])

@@ -15,7 +15,7 @@ import mograft as mg
 from mograft import BvhError, Library, SkeletonMismatchError, graft, graft_many, write_bvh
 from mograft.constraints import NotFrom, OnlyFrom
 from mograft.library import ingest
-from mograft.library.discover import read_tags
+from mograft.library.clip_keys import read_tags
 from mograft.library.files import storage
 from tests.library.checks import CLIP_NAMES, DANCE, assert_same_libraries, copy_clips
 

@@ -27,6 +27,8 @@ from mograft.search.neighbourhoods import NEIGHBOURHOODS
         ({"samples": 1}, "`samples` must be a whole number of at least 2, got 1"),
         ({"sigma": "big"}, "`sigma` must be one of"),
         ({"sigma": 2.5}, "`sigma` must be one of"),
+        ({"distance_weight": float("inf")}, "`distance_weight` must be finite, got inf"),
+        ({"diversity": float("inf")}, "`diversity` must be finite, got inf"),
         ({"sigma_scale": -1.0}, "`sigma_scale` must be above 0"),
         ({"sigma_scale": "auto"}, "`sigma_scale` must be a number"),
         ({"min_length": 2.0}, "`max_length` must be at least 4 s, twice `min_length`, got 2"),

@@ -21,10 +21,10 @@ _STEPS = (2, 1, 3, 4)  # in half frames; ties go to the first, the constant rate
 def warping_path(distances: FloatArray) -> FloatArray:
     """Match each row of `distances` to a column by dynamic time warping; return the columns.
 
-    `distances`, shape (n + 1, 2 n + 1), are between the frames of a first motion (rows) and the
-    samples of a second one (columns), which has two samples per frame. The path has the smallest
-    sum of distances among the paths with steps of 1 to 4 columns (half to double speed) that differ
-    from the constant rate by at most a fifth of the length.
+    `distances`, shape (..., n + 1, 2 n + 1), are between the frames of a first motion (rows) and
+    the samples of a second one (columns), which has two samples per frame. The path has the
+    smallest sum of distances among the paths with steps of 1 to 4 columns (half to double speed)
+    that differ from the constant rate by at most a fifth of the length.
 
     Sakoe and Chiba, Dynamic programming algorithm optimization for spoken word recognition (1978),
     with slopes from ½ to 2 and a band.
@@ -32,22 +32,21 @@ def warping_path(distances: FloatArray) -> FloatArray:
     >>> warping_path(np.abs(np.arange(5)[:, None] * 2 - np.arange(9)))
     array([0, 2, 4, 6, 8])
     """
-    n = len(distances) - 1
-    columns = np.arange(2 * n + 1)
+    *several, n_rows, width = distances.shape
+    n, columns, longest = n_rows - 1, np.arange(width), max(_STEPS)
     band = max(round(2 * n * _BAND_SHARE), 1)
-    sums = np.full((n + 1, 2 * n + 1), np.inf)
-    sums[0, 0] = distances[0, 0]
-    step_to = np.zeros((n + 1, 2 * n + 1), np.int64)
-    for frame in range(1, n + 1):
-        previous = np.concatenate([np.full(4, np.inf), sums[frame - 1]])
-        options = np.stack([previous[4 - step : 4 - step + len(columns)] for step in _STEPS])
-        best = options.argmin(axis=0)
-        step_to[frame] = np.array(_STEPS)[best]
-        total = options[best, columns] + distances[frame]
-        sums[frame] = np.where(np.abs(columns - 2 * frame) <= band, total, np.inf)
-    path = np.full(n + 1, 2 * n)
+    sums = np.full((*several, longest + width), np.inf)
+    sums[..., longest] = distances[..., 0, 0]
+    step_to = np.zeros(distances.shape, np.int8)
+    for frame in range(1, n_rows):
+        options = np.stack([sums[..., longest - step :][..., :width] for step in _STEPS])
+        step_to[..., frame, :] = np.array(_STEPS)[options.argmin(axis=0)]
+        total = options.min(axis=0) + distances[..., frame, :]
+        sums[..., longest:] = np.where(np.abs(columns - 2 * frame) <= band, total, np.inf)
+    path = np.full((*several, n_rows), 2 * n)
     for frame in range(n, 0, -1):
-        path[frame - 1] = path[frame] - step_to[frame, path[frame]]
+        steps = np.take_along_axis(step_to[..., frame, :], path[..., frame, None], axis=-1)
+        path[..., frame - 1] = path[..., frame] - steps[..., 0]
     return path
 
 

@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     def show_once(message: Warning | str, *_: object, **__: object) -> None:
         if str(message) not in shown:
             shown.add(str(message))
-            print_remark(f"warning: {message}")
+            print_remark(f"warning: {with_flags(str(message), options)}")
 
     with escape_output(), warnings.catch_warnings():
         command, options, parser = parse(COMMANDS, arguments)

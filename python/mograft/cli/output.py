@@ -36,7 +36,8 @@ _OPTIONS_OF_NAMES = {
     "base": ("base", "clip", "query"),
     "group": ("group", "part"),
     "clips": ("among", "only_from", "not_from"),
-    "tags": ("only_tagged", "not_tagged"),
+    "frame_rates": ("true_rate",),
+    "tags": ("tags", "only_tagged", "not_tagged"),
 }
 """The options from which a parameter or constraint may come, if they have another name."""
 

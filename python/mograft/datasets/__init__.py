@@ -7,9 +7,11 @@ spans that move like a query, `curate` few clips that hold nearly all movements 
 
 from mograft.datasets.augmentation import Augmentation, augment
 from mograft.datasets.curation import Choice, Curation, curate
+from mograft.datasets.curation_files import curation_page, write_choice
 from mograft.datasets.features import FEATURES
 from mograft.datasets.finding import Hit, find
 from mograft.datasets.humanml import humanml3d
+from mograft.datasets.measuring import measure
 from mograft.datasets.reading import DataSet, read_set
 from mograft.datasets.writing import write
 
@@ -22,8 +24,11 @@ __all__ = [
     "Hit",
     "augment",
     "curate",
+    "curation_page",
     "find",
     "humanml3d",
+    "measure",
     "read_set",
     "write",
+    "write_choice",
 ]

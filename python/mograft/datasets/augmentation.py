@@ -14,7 +14,8 @@ from mograft._util.containers import LazySequence
 from mograft._util.names import find_matches
 from mograft._util.validate import as_integer, check_type
 from mograft.datasets.features import DEFAULT_FEATURES, Array, check_features, compute_features
-from mograft.datasets.splits import Part, Split, plain_tags, select_part
+from mograft.datasets.splits import Part, Split, select_part
+from mograft.library.clip_keys import plain_tags
 from mograft.library.files.stored_clips import StoredClips
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -204,6 +205,11 @@ class Augmentation(LazySequence[dict[str, Array]]):
         digest = hashlib.sha256(b"%d %s" % (self.seed, name)).digest()
         plan = GraftPlan.build(self.donors, base, None, ())
         return plan, plan.choose_donors(count, int.from_bytes(digest[:8], "big"))
+
+    def build(self, base: int, draws: Sequence[int]) -> list[Graft]:
+        """Return the grafts on a base clip with the numbers `draws`, as they are in data sets."""
+        plan, drawn = self._draw(base, max(draws) + 1)
+        return [build_graft(plan, drawn[draw], self.seed, draw) for draw in draws]
 
     def _graft(self, base: int, draw: int) -> Graft:
         graft = self._grafts.get((base, draw))

@@ -1,14 +1,17 @@
 """Choose clips of a library that are near all others."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
 from math import sqrt
 
 import numpy as np
 
 from mograft._standalone.mograft_linkage import cut as cut_tree
 from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.validate import check_type
+from mograft._util.validate import as_integer, check_type
+from mograft.datasets.executors import call_all
 from mograft.errors import InsufficientDataError
 from mograft.library.library import Library
 
@@ -17,6 +20,7 @@ _RADII = (0.25, 8.0)
 
 _N_STEPS = 7  # of the search for the radius of a share: a factor of about 1.03
 _ROUNDING = 1e-9
+_PAIRS_PER_BATCH = 1 << 16
 _COPY_DISTANCE = 0.05  # in cluster diameter thresholds; copies differ by rounding and resampling
 
 
@@ -88,6 +92,8 @@ def curate(
     radius: float | None = None,
     keep: float | None = None,
     part: str | None = None,
+    shards: int = 1,
+    executor: Executor | None = None,
 ) -> Curation:
     """Choose clips so that each segment of the others is near a segment of a chosen one.
 
@@ -107,6 +113,13 @@ def curate(
         searched that needs at most this share.
     part : str, optional
         The joint group that is compared. Default: all groups, whose squared distances are added.
+    shards : int
+        Number of shards of clips. Of several, clips are first chosen in each shard and then among
+        the chosen ones, each time with half of the radius: no tree has the segments of all clips,
+        the bound is the same, and more clips are kept.
+    executor : concurrent.futures.Executor, optional
+        The workers that choose in the shards, as for `write`. The result does not depend on it.
+        Default: the calling thread.
 
     Returns
     -------
@@ -140,23 +153,44 @@ def curate(
         raise ValueError(f"`keep` must be a share of the frames, above 0 and at most 1, got {keep}")
     if radius is not None and not 0 < float(radius) < np.inf:
         raise ValueError(f"`radius` must be a finite number above 0, got {radius}")
-    cover = _Cover.of(library, part)
+    if executor is not None and not library.has_recipe:
+        raise ValueError("`executor` needs a library in a folder: save it first, and open it")
+    choose = partial(_choose, library, part, as_integer("shards", shards, 1), executor)
     if keep is None:
-        return cover.choose(1.0 if radius is None else float(radius))
+        return choose(1.0 if radius is None else float(radius))
     low, high = _RADII
-    best = cover.choose(high)
+    best = choose(high)
     if best.kept_share > keep:
         raise ValueError(
             f"`keep` must be at least {best.kept_share:.4f}: a radius of {high:g} keeps that share"
         )
     for _ in range(_N_STEPS):
         middle = sqrt(low * high)
-        found = cover.choose(middle)
+        found = choose(middle)
         if found.kept_share <= keep:
             best, high = found, middle
         else:
             low = middle
     return best
+
+
+def _choose(
+    library: Library, part: str | None, shards: int, executor: Executor | None, radius: float
+) -> Curation:
+    """Return the choice of clips for a radius."""
+    cover = _Cover.of(library, part)
+    if shards == 1:
+        return cover.choose(radius)
+    blocks = np.array_split(np.arange(len(library.entries)), shards)
+    items = [(own, radius / 2.0) for own in blocks if len(own)]
+    kept = np.concatenate(call_all(executor, _choose_in_shard, (library, part), items))
+    return cover.within(kept).choose(radius / 2.0, cover)
+
+
+def _choose_in_shard(context: tuple[Library, str | None], item: tuple[IntArray, float]) -> IntArray:
+    clips, radius = item
+    cover = _Cover.of(*context).within(clips)
+    return np.array(list(cover.select(radius)[1]), np.int64) if len(cover.segments) else clips[:0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,8 +216,26 @@ class _Cover:
             raise InsufficientDataError("all segments have faults")
         return cls(library, segments, np.concatenate(spaces, axis=1)[segments])
 
-    def choose(self, radius: float) -> Curation:
-        """Return the choice of clips for a radius."""
+    def within(self, clips: IntArray) -> "_Cover":
+        """Return the segments of some clips."""
+        rows = np.isin(self.library.segments.clip[self.segments], clips)
+        return replace(self, segments=self.segments[rows], points=self.points[rows])
+
+    def choose(self, radius: float, whole: "_Cover | None" = None) -> Curation:
+        """Return the choice of clips for a radius; `whole` has the segments of all clips."""
+        labels, added = self.select(radius)
+        frames = np.array([self.library.entries[clip].n_frames for clip in added])
+        n_clusters = int(labels.max()) + 1
+        covered = np.cumsum(list(added.values())) / n_clusters
+        curve = zip(np.cumsum(frames).tolist(), covered.tolist(), strict=True)
+        choices = (whole or self).describe(None if whole else labels, added, n_clusters)
+        return Curation(tuple(choices), radius * (2.0 if whole else 1.0), tuple(curve))
+
+    def select(self, radius: float) -> tuple[IntArray, dict[int, int]]:
+        """Return the clusters of the segments, and the chosen clips with how many each adds.
+
+        The clips are in the order in which they were chosen.
+        """
         cut, entries = self.library.segments, self.library.entries
         labels = cut_tree(self.points, radius)
         clips = cut.clip[self.segments]
@@ -193,7 +245,7 @@ class _Cover:
         np.maximum.at(weights, labels, 1.0 + spread)
         members = _by_clip(clips, labels, len(entries))
         frames = np.array([entry.n_frames for entry in entries])
-        is_new, order, added = np.ones(len(weights), bool), list[int](), dict[int, int]()
+        is_new, added = np.ones(len(weights), bool), dict[int, int]()
         gains = np.array([weights[own].sum() for own in members]) / frames
         while is_new.any():
             clip = int(np.argmax(gains))
@@ -201,17 +253,19 @@ class _Cover:
             if current < gains[clip] * (1.0 - _ROUNDING):
                 gains[clip] = current  # gains only fall: others are computed when they are greatest
                 continue
-            order.append(clip)
             added[clip] = int(is_new[members[clip]].sum())
             is_new[members[clip]] = False
             gains[clip] = 0.0
-        choices = self._describe(labels, added)
-        covered = np.cumsum([added[clip] for clip in order]) / len(weights)
-        curve = zip(np.cumsum(frames[order]).tolist(), covered.tolist(), strict=True)
-        return Curation(tuple(choices), radius, tuple(curve))
+        return labels, added
 
-    def _describe(self, labels: IntArray, added: dict[int, int]) -> list[Choice]:
-        """Return the choice of each clip, with the distance to the nearest kept segment."""
+    def describe(
+        self, labels: IntArray | None, added: dict[int, int], n_clusters: int
+    ) -> list[Choice]:
+        """Return the choice of each clip, with the distance to the nearest kept segment.
+
+        With `labels` the nearest is searched in the cluster of each segment.
+        """
+        labels = np.zeros(len(self.segments), np.int64) if labels is None else labels
         cut, entries = self.library.segments, self.library.entries
         clips = cut.clip[self.segments]
         is_kept = np.isin(clips, list(added))
@@ -222,8 +276,9 @@ class _Cover:
         for low, high in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
             own = order[low:high]
             others, kept = own[~is_kept[own]], own[is_kept[own]]
-            for start in range(0, len(others), 256):
-                chunk = others[start : start + 256]
+            step = _PAIRS_PER_BATCH // max(len(kept), 1) + 1
+            for start in range(0, len(others), step):
+                chunk = others[start : start + step]
                 gaps = self.points[chunk, None] - self.points[kept][None]
                 distances[chunk] = np.sqrt((gaps**2).sum(axis=2).min(axis=1))
         worst = np.full(len(entries), np.nan)
@@ -231,7 +286,7 @@ class _Cover:
         found = []
         for clip, entry in enumerate(entries):
             number = added.get(clip)
-            reason = f"adds {number} of {int(labels.max()) + 1} clusters"
+            reason = f"adds {number} of {n_clusters} clusters"
             if number is None and np.isnan(worst[clip]):
                 reason = "all segments have faults: " + "; ".join(entry.faults)
             elif number is None:

@@ -1,7 +1,8 @@
 """Find spans of a library that move like a query, or clips by words."""
 
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass
 
@@ -11,7 +12,8 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.validate import as_integer, check_type
 from mograft.blend.time_warp import warping_path
 from mograft.body.anatomy import feature_joints
-from mograft.datasets.splits import TEXT_TAG, plain_tags
+from mograft.datasets.executors import call_all
+from mograft.library.clip_keys import TEXT_TAG, plain_tags
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.resample import resample_segments
@@ -19,6 +21,8 @@ from mograft.search.boundary_states import pose_gaps
 from mograft.search.constraints import Span, as_span, overlaps
 
 _REFINED = 2  # times as many spans as are wanted are compared by their frames
+_N_BLOCKS = 16  # of clips, which workers search
+_WARPED_PAIRS = 1 << 18  # of frames that are compared at once
 _MAX_WARPED_FRAMES = 600  # of the query; longer ones are compared at fewer times
 
 
@@ -55,6 +59,7 @@ def find(
     part: str | None = None,
     text: str | None = None,
     top: int = 20,
+    executor: Executor | None = None,
 ) -> list[Hit]:
     """Find the spans of a library that are nearest to a motion, or the clips of a description.
 
@@ -74,6 +79,9 @@ def find(
         only spans of the clips that match are returned.
     top : int
         Greatest number of spans.
+    executor : concurrent.futures.Executor, optional
+        The workers that compare spans, as for `write`. The result does not depend on it. Default:
+        the calling thread.
 
     Returns
     -------
@@ -115,6 +123,8 @@ def find(
         ]
     groups = library.groups.names if part is None else (part,)
     joints = np.unique(np.concatenate([library.joints(group) for group in groups]))
+    if executor is not None and not library.has_recipe:
+        raise ValueError("`executor` needs a library in a folder: save it first, and open it")
     whole, clip = library.resolve_base(query)
     own = whole.segments.of_clip(clip)
     if frames is not None:
@@ -132,80 +142,100 @@ def find(
         cut = library.segments
         low, high = int(cut.start[own[0]]), int(cut.stop[own[-1]])
         is_wanted &= (cut.clip != clip) | (cut.stop <= low) | (cut.start >= high)
-    first, distances = _nearest_runs(whole, own, groups, is_wanted, _REFINED * top)
-    hits = list(_refine(whole, (clip, own), first, distances, joints))
+    wanted = _Query(whole, own, groups, joints, is_wanted, _REFINED * top)
+    n_blocks = 1 if executor is None else _N_BLOCKS
+    bounds = np.linspace(0, len(library.entries), n_blocks + 1)[1:-1]
+    firsts = np.searchsorted(library.segments.clip, bounds)
+    blocks = np.split(np.arange(len(is_wanted)), firsts)
+    runs = np.concatenate(call_all(executor, _Query.nearest_runs, wanted, blocks))
+    runs = runs[np.lexsort(runs.T)][: wanted.count]
+    parts = np.array_split(runs, n_blocks)
+    hits = [hit for part in call_all(executor, _Query.compare, wanted, parts) for hit in part]
     return sorted(hits, key=lambda hit: (hit.angle, hit.clip, hit.start))[:top]
 
 
-def _nearest_runs(
-    library: Library, own: IntArray, groups: Sequence[str], is_wanted: BoolArray, count: int
-) -> tuple[IntArray, FloatArray]:
-    """Return the first segments of the nearest runs of as many segments as `own`; nearest first.
+@dataclass(frozen=True, eq=False)
+class _Query:
+    """What is searched in a library."""
 
-    Runs that overlap a nearer one are left out; the other result has their distances.
-    """
-    n, cut = len(own), library.segments
-    n_known = len(is_wanted)
-    blocked = np.concatenate([[0], np.cumsum(~is_wanted)])
-    runs = np.arange(max(n_known - n + 1, 0))
-    runs = runs[cut.clip[runs] == cut.clip[runs + n - 1]]
-    runs = runs[blocked[runs + n] == blocked[runs]]
-    spaces = [
-        embedding.points / library.sigma[group]
-        for group in groups
-        if (embedding := library.embedding[group]) is not None and library.sigma[group] > 0
-    ]
+    library: Library  # in which the query is a clip
+    own: IntArray  # the segments of the query
+    groups: Sequence[str]
+    joints: IntArray  # of all groups
+    is_wanted: BoolArray  # whether each segment may be in a span
+    count: int  # greatest number of runs
 
-    def squares(starts: IntArray, offset: int) -> FloatArray:
-        """Return the squared distances of the segments at `offset` in runs and in the query."""
-        gaps = [points[starts + offset] - points[own[offset]] for points in spaces]
-        return np.sum([np.einsum("ij,ij->i", gap, gap) for gap in gaps], axis=0) + np.zeros(
-            len(starts)
-        )
+    def nearest_runs(self, block: IntArray) -> FloatArray:
+        """Return the first segments of the nearest runs of as many segments as the query.
 
-    sums = np.zeros(len(runs))
-    wanted = min(count * (2 * n - 1), len(runs))  # a run overlaps n - 1 others on either side
-    for offset in range(n):
-        sums = sums + squares(runs, offset)
-        if 0 < wanted < len(runs) and offset + 1 < n:
-            # The final sum of the runs that are best now bounds that of the best ones.
-            best = runs[np.argpartition(sums, wanted - 1)[:wanted]]
-            bound = np.sum([squares(best, later) for later in range(n)], axis=0).max()
-            kept = sums <= bound * (1 + 1e-9)
-            runs, sums = runs[kept], sums[kept]
-    found, distances = list[int](), list[float]()
-    is_free = np.ones(n_known, bool)
-    for row in np.lexsort((runs, sums)).tolist():
-        segments = slice(int(runs[row]), int(runs[row]) + n)
-        if is_free[segments].all():
-            is_free[segments] = False
-            found.append(segments.start)
-            distances.append(float(np.sqrt(sums[row] / n)))
-        if len(found) == count:
-            break
-    return np.array(found, np.int64), np.array(distances)
+        Runs begin in `block`, segments of whole clips. Those that overlap a nearer one are left
+        out. The rows of the result have the first segment of a run, and its distance.
+        """
+        library, own = self.library, self.own
+        n, cut = len(own), library.segments
+        blocked = np.concatenate([[0], np.cumsum(~self.is_wanted)])
+        runs = block[: max(len(block) - n + 1, 0)]
+        runs = runs[cut.clip[runs] == cut.clip[runs + n - 1]]
+        runs = runs[blocked[runs + n] == blocked[runs]]
+        spaces = [
+            embedding.points / library.sigma[group]
+            for group in self.groups
+            if (embedding := library.embedding[group]) is not None and library.sigma[group] > 0
+        ]
 
+        def squares(starts: IntArray, offset: int) -> FloatArray:
+            """Return the squared distances of the segments at `offset` in runs and the query."""
+            gaps = [points[starts + offset] - points[own[offset]] for points in spaces]
+            return np.sum([np.einsum("ij,ij->i", gap, gap) for gap in gaps], axis=0) + np.zeros(
+                len(starts)
+            )
 
-def _refine(
-    library: Library,
-    query: tuple[int, IntArray],
-    first: IntArray,
-    distances: FloatArray,
-    joints: IntArray,
-) -> Iterator[Hit]:
-    """Yield the hits of runs, with their mean joint angle after time warping."""
-    clip, own = query
-    cut, compared = library.segments, feature_joints(library.skeleton, joints)
-    compared = np.setdiff1d(compared, [library.root]) if len(compared) > 1 else compared
-    low, high = int(cut.start[own[0]]), int(cut.stop[own[-1]])
-    n = min(high - low, _MAX_WARPED_FRAMES)
-    poses = _sample(library.clips[clip], (low, high), n + 1, compared)
-    for run, distance in zip(first.tolist(), distances.tolist(), strict=True):
-        span = int(cut.start[run]), int(cut.stop[run + len(own) - 1])
-        other = int(cut.clip[run])
-        gaps = pose_gaps(poses, _sample(library.clips[other], span, 2 * n + 1, compared))
-        angle = gaps[np.arange(n + 1), warping_path(gaps)].mean()
-        yield Hit(library.entries[other].name, *span, distance, float(angle))
+        sums = np.zeros(len(runs))
+        wanted = min(self.count * (2 * n - 1), len(runs))  # a run overlaps n - 1 on either side
+        for offset in range(n):
+            sums = sums + squares(runs, offset)
+            if 0 < wanted < len(runs) and offset + 1 < n:
+                # The final sum of the runs that are best now bounds that of the best ones.
+                best = runs[np.argpartition(sums, wanted - 1)[:wanted]]
+                bound = np.sum([squares(best, later) for later in range(n)], axis=0).max()
+                kept = sums <= bound * (1 + 1e-9)
+                runs, sums = runs[kept], sums[kept]
+        found = list[tuple[int, float]]()
+        is_free = np.ones(len(self.is_wanted), bool)
+        for row in np.lexsort((runs, sums)).tolist():
+            segments = slice(int(runs[row]), int(runs[row]) + n)
+            if is_free[segments].all():
+                is_free[segments] = False
+                found.append((segments.start, float(np.sqrt(sums[row] / n))))
+            if len(found) == self.count:
+                break
+        return np.array(found).reshape(-1, 2)
+
+    def compare(self, runs: FloatArray) -> list[Hit]:
+        """Return the hits of runs, with their mean joint angle after time warping."""
+        library, own = self.library, self.own
+        cut, compared = library.segments, feature_joints(library.skeleton, self.joints)
+        compared = np.setdiff1d(compared, [library.root]) if len(compared) > 1 else compared
+        span = int(cut.start[own[0]]), int(cut.stop[own[-1]])
+        n = min(span[1] - span[0], _MAX_WARPED_FRAMES)
+        poses = _sample(library.clips[int(cut.clip[own[0]])], span, n + 1, compared)
+        size, hits = _WARPED_PAIRS // n**2 + 1, list[Hit]()
+        for low in range(0, len(runs), size):
+            batch = runs[low : low + size]
+            first = batch[:, 0].astype(int)
+            spans = np.stack([cut.clip[first], cut.start[first], cut.stop[first + len(own) - 1]])
+            others = [
+                _sample(library.clips[clip], (start, stop), 2 * n + 1, compared)
+                for clip, start, stop in spans.T.tolist()
+            ]
+            gaps = np.stack([pose_gaps(poses, other) for other in others])
+            path = warping_path(gaps).astype(np.int64)[..., None]
+            angles = np.take_along_axis(gaps, path, axis=2)[..., 0].mean(axis=1)
+            for (clip, *frames), *found in zip(
+                spans.T.tolist(), batch[:, 1].tolist(), angles.tolist(), strict=True
+            ):
+                hits.append(Hit(library.entries[clip].name, *frames, *found))
+        return hits
 
 
 def _sample(motion: Motion, span: Span, count: int, joints: IntArray) -> FloatArray:

@@ -14,7 +14,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, IntArray
 from mograft.datasets.copies import find_shared_clips
 from mograft.errors import join_names, suggest_name
-from mograft.library.clip_table import ClipInfo
+from mograft.library.clip_keys import plain_tags
 from mograft.library.library import Library
 
 Split = str | PathLike[str] | Mapping[str, str]
@@ -22,15 +22,6 @@ Split = str | PathLike[str] | Mapping[str, str]
 
 AUTOMATIC_SHARES = {"train": 0.8, "val": 0.1, "test": 0.1}
 """Parts of automatic splits, with their shares of all frames."""
-
-
-TEXT_TAG = "text:"
-"""How a tag begins that is the description of a clip."""
-
-
-def plain_tags(entry: ClipInfo) -> tuple[str, ...]:
-    """Return the tags of a clip without descriptions."""
-    return tuple(tag for tag in entry.tags if not tag.startswith(TEXT_TAG))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,6 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
-from functools import lru_cache
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -21,14 +20,16 @@ from mograft._util.documents import read_document
 from mograft._util.extras import import_extra
 from mograft._util.validate import as_integer, check_choice, check_type
 from mograft.datasets.augmentation import PROVENANCE, Augmentation, JobResult, Window
+from mograft.datasets.executors import call_with
 from mograft.datasets.features import FEATURES
+from mograft.datasets.measuring import TABLE, Places, coverage
 from mograft.datasets.shards import FORMATS, SHARD_SIZE, write_files
 from mograft.errors import MograftError
 from mograft.io.csv import without_formula
 from mograft.library.origin import hash_library
 
 SCHEMA = "mograft.dataset/1"
-MANIFEST, TABLE = "manifest.json", "provenance.csv"
+MANIFEST = "manifest.json"
 
 _MAX_PENDING_JOBS = 16
 _HASHED = ("library", "bases")  # entries of requests
@@ -283,10 +284,13 @@ def _report(windows: Augmentation, folder: Path, state: _State) -> dict[str, Any
     """Return a summary of the provenance: how new the windows are, and how much they use."""
     library, part, donors = windows.library, windows.part, Counter[tuple[str, ...]]()
     measures: dict[str, tuple[float, ...]] = {}
+    used: Places = {name: set() for name in library.groups.names}
     bases, n_captured, n_parts = Counter[str](), 0, 0
     with (folder / TABLE).open(encoding="utf-8", newline="") as stream:
         for row in csv.DictReader(stream):
-            donors[row["clip"], row["clip_start"], row["clip_stop"]] += 1
+            donors[row["clip"], row["clip_start"]] += 1
+            used[row["group"]].add((row["clip"], row["clip_start"]))
+            used[library.groups.base].add((row["base"], row["start"]))
             n_parts, n_captured = n_parts + 1, n_captured + (row["is_captured"] == "True")
             if row["window"] not in measures:
                 bases[row["base"]] += 1
@@ -304,6 +308,7 @@ def _report(windows: Augmentation, folder: Path, state: _State) -> dict[str, Any
         "degrees_at_widest_seam": float(np.median(gap)),
         "captured_parts": n_captured / max(n_parts, 1),
         "segments_used": len(donors),
+        "coverage": coverage(windows, used),
         "segments_usable": n_donors,
         "segments_with_faults": int((~library.is_donor & is_ours).sum()),
         "rejected_windows": state.n_rejected,
@@ -320,13 +325,14 @@ def _run_jobs(
     if executor is None:
         job = first
         while True:
-            yield job, windows.run_job(job, FORMATS[format_].encode)
+            yield job, _run_job(windows, format_, job)
             job += 1
     payload, pending, job = pickle.dumps(windows), deque[Future[JobResult]](), first
     try:
         while True:
             while len(pending) < _MAX_PENDING_JOBS:
-                pending.append(executor.submit(_work, payload, format_, job + len(pending)))
+                later = job + len(pending)
+                pending.append(executor.submit(call_with, payload, _run_job, format_, later))
             yield job, pending.popleft().result()
             job += 1
     finally:
@@ -334,12 +340,5 @@ def _run_jobs(
             future.cancel()
 
 
-@lru_cache(maxsize=1)
-def _unpickle(payload: bytes) -> Augmentation:
-    windows: Augmentation = pickle.loads(payload)
-    return windows
-
-
-def _work(payload: bytes, format_: str, job: int) -> JobResult:
-    """Run a job in a worker, which opens the library once."""
-    return _unpickle(payload).run_job(job, FORMATS[format_].encode)
+def _run_job(windows: Augmentation, format_: str, job: int) -> JobResult:
+    return windows.run_job(job, FORMATS[format_].encode)

@@ -31,6 +31,7 @@ def build_library(
 ) -> L:
     """Build a library in memory; see `Library.build`."""
     result = ingest_motions(plan.find_clips(sources), plan)
+    plan.warn_of_keys(stacklevel=3)
     clips = result.clips
     if not clips:
         raise ValueError(f"no clip can be used: {next(iter(result.errors.values()))}")

@@ -1,7 +1,6 @@
 """Find the clips of a library, and look up their tags and frame rates."""
 
 import contextlib
-import csv
 import errno
 import glob
 import hashlib
@@ -10,12 +9,11 @@ import stat
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from functools import lru_cache
 from importlib.util import find_spec
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from mograft._util.documents import parse_document
 from mograft.errors import MograftError, join_names
@@ -25,7 +23,6 @@ from mograft.io.gltf.grafts import find_original
 from mograft.motion.motion import Motion
 
 ClipSource = Motion | str | PathLike[str]
-T = TypeVar("T")
 
 _RANK_OF_SUFFIX = {
     suffix: rank for rank, form in [*enumerate(formats.FORMATS)][::-1] for suffix in form.suffixes
@@ -91,7 +88,7 @@ class FoundClip:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Keys by which `tags` and `frame_rates` can name the clip; see `matching_values`.
+        """Keys by which `tags` and `frame_rates` can name the clip; see `ClipKeys`.
 
         A motion has one key: its name. The clip of a file has three: the name of the file without
         suffix, with suffix, and the path of the file relative to the source. If the file holds
@@ -292,44 +289,3 @@ def relative_path(path: str, folder: Path) -> Path:
         return Path(os.path.relpath(path, folder))
     except ValueError:
         return Path(os.path.abspath(path))
-
-
-def matching_values(table: Mapping[str, T] | None, clip: FoundClip) -> list[T]:
-    """Return the values for the keys of a table that match a clip, in the order of the table.
-
-    A key is the name, file name or path of a clip, or a glob of one of these.
-    """
-    if not table:
-        return []
-    keys = clip.keys
-    return [
-        value
-        for pattern, value in table.items()
-        if pattern in keys or any(fnmatchcase(key, pattern) for key in keys)
-    ]
-
-
-def read_tags(path: str | PathLike[str]) -> dict[str, tuple[str, ...]]:
-    """Read the `tags` for `Library.build` and `Library.index` from a CSV file.
-
-    The first cell of a row is a clip's name, file name or path, or a glob of these; the other cells
-    are its tags. A first row that begins with ``clip`` or ``file`` is a heading. Raise ValueError
-    with the number of the line if a row lacks the clip or the tags, or is not valid CSV.
-    """
-    table: dict[str, tuple[str, ...]] = {}
-    with open(path, encoding="utf-8-sig", newline="") as stream:
-        rows = csv.reader(stream)
-        try:
-            for row in rows:
-                cells = [cell.strip() for cell in row]
-                if not any(cells) or (rows.line_num == 1 and cells[0].lower() in ("clip", "file")):
-                    continue
-                tags = tuple(cell for cell in cells[1:] if cell)
-                if not cells[0] or not tags:
-                    raise ValueError(
-                        f"{path}:{rows.line_num}: expected a clip and its tags, got {row}"
-                    )
-                table[cells[0]] = (*table.get(cells[0], ()), *tags)
-        except csv.Error as error:
-            raise ValueError(f"{path}:{rows.line_num}: expected CSV: {error}") from error
-    return table

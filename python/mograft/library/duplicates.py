@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mograft.library.library import Library
+from mograft._util.arrays import IntArray
+from mograft.library.data import LibraryData
 from mograft.search.neighbourhoods import NEIGHBOURHOODS
 
 _RADIUS = 0.25
@@ -42,7 +43,7 @@ class DuplicateSpan:
         return f"{self.clip} {start}-{stop} = {self.other} {first}-{last}"
 
 
-def find_duplicates(library: Library) -> list[DuplicateSpan]:
+def find_duplicates(library: LibraryData) -> list[DuplicateSpan]:
     """Return the spans of whole segments that occur twice in a library.
 
     A segment is the duplicate of another if every joint, but for the heading of the root, is
@@ -61,14 +62,21 @@ def find_duplicates(library: Library) -> list[DuplicateSpan]:
 
     Examples
     --------
+    >>> from mograft import Library
     >>> from mograft.dancer import dance
     >>> take = dance(strides=1).motion
     >>> find_duplicates(Library.build([take, take]))[0].other
     'dance~2'
     """
+    first, second = find_copies(library)
+    return _join(library, list(zip(first.tolist(), second.tolist(), strict=True)))
+
+
+def find_copies(library: LibraryData) -> tuple[IntArray, IntArray]:
+    """Return the pairs of segments that are copies in every group, the first index smaller."""
     pools = [library.pool(group) for group in library.groups.names]
     points, radius = pools[0].points, _RADIUS * pools[0].sigma
-    pairs = []
+    pairs = [np.zeros((2, 0), np.int64)]
     for start in range(0, len(library.segments), _SEGMENTS_PER_BATCH):
         own = np.arange(start, min(start + _SEGMENTS_PER_BATCH, len(library.segments)))
         near = NEIGHBOURHOODS["ball"].find_members(pools[0].labels, points, radius, own)
@@ -77,11 +85,12 @@ def find_duplicates(library: Library) -> list[DuplicateSpan]:
         for pool in pools:
             is_copy = pool.are_copies(first, second)
             first, second = first[is_copy], second[is_copy]
-        pairs += list(zip(first.tolist(), second.tolist(), strict=True))
-    return _join(library, pairs)
+        pairs.append(np.stack([first, second]))
+    found = np.concatenate(pairs, axis=1)
+    return found[0], found[1]
 
 
-def _join(library: Library, pairs: list[tuple[int, int]]) -> list[DuplicateSpan]:
+def _join(library: LibraryData, pairs: list[tuple[int, int]]) -> list[DuplicateSpan]:
     """Return spans of pairs of segments that follow each other in both clips."""
     cut, names = library.segments, library.names
     left, spans = set(pairs), []

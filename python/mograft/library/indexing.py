@@ -18,13 +18,7 @@ from mograft.library.build import choose_groups, join_segments, name_clips, spre
 from mograft.library.clip_table import ClipInfo, ClipLocation
 from mograft.library.clusters import compare_segments, feature_joints_by_group
 from mograft.library.data import LibraryData
-from mograft.library.discover import (
-    ClipSource,
-    FoundClip,
-    SourceFile,
-    matching_values,
-    relative_path,
-)
+from mograft.library.discover import ClipSource, FoundClip, SourceFile, relative_path
 from mograft.library.files.generation import (
     MAX_SHARDS,
     BoundaryParts,
@@ -68,7 +62,9 @@ def index_folder(
 ) -> None:
     """Build a library in a folder; see `Library.index`."""
     with write_generation(path, force=force) as writer:
-        pending = _pending_files(plan, sources, writer.final)
+        found = _find_files(plan, sources, writer.final)
+        pending = [plan.pending((0, key), own) for key, own in found.items()]
+        plan.warn_of_keys(stacklevel=3)
         result = ingest_fitting(pending, plan, partial(_store, writer), writer.restart)
         _complete(writer, plan, result, base=None, pending=pending)
 
@@ -88,12 +84,14 @@ def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], plan: 
             match=base.spec.match,
             skeleton=base.spec.rest,
         )
-        found = _pending_files(plan, sources, writer.final)
-        pending = [clip for clip in found if _is_new_or_changed(clip, files)]
+        found = _find_files(plan, sources, writer.final)
+        given = [plan.pending((0, key), own) for key, own in found.items()]
+        pending = [clip for clip in given if _is_new_or_changed(clip, files)]
         if not pending and not plan.tags:
             return
         stale = _stale_addresses(files, pending, plan)
-        kept = _kept_clips(base, writer.base, pending, plan, stale)
+        kept = _kept_clips(base, writer.base, pending, plan, stale, found)
+        plan.warn_of_keys(stacklevel=3)
         writer.link_shards(writer.base)
         result = _ingest_additions(writer, plan, base, kept, pending)
         _complete(writer, plan, result, base=base, pending=pending)
@@ -105,10 +103,10 @@ def _store(writer: GenerationWriter, clip: IngestedClip) -> _IndexedClip:
     return _IndexedClip(order, info, writer.write_clip(clip), clip.segments, clip.is_donor)
 
 
-def _pending_files(
+def _find_files(
     plan: IngestPlan, sources: ClipSource | Iterable[ClipSource], folder: Path
-) -> list[PendingClip]:
-    """Return the clips of files that `sources` stand for, each once, in the order of the library.
+) -> dict[tuple[str, ...], FoundClip]:
+    """Return the clips of files that `sources` stand for, by `_path_key`, in its order.
 
     Raise TypeError if a source is a motion.
     """
@@ -119,7 +117,7 @@ def _pending_files(
                 "`sources` must be files, got a Motion; store motions by Library.build and save"
             )
         by_path[_path_key(found.source, folder)] = found
-    return [plan.pending((0, path), by_path[path]) for path in sorted(by_path)]
+    return {path: by_path[path] for path in sorted(by_path)}
 
 
 def _path_key(address: str, folder: Path) -> tuple[str, ...]:
@@ -189,11 +187,12 @@ def _kept_clips(
     pending: Sequence[PendingClip],
     plan: IngestPlan,
     stale: Collection[str],
+    found: Mapping[tuple[str, ...], FoundClip],
 ) -> list[_IndexedClip]:
     """Return the clips of the previous generation that no pending clip replaces.
 
-    Clips whose addresses are in `stale` are left out. The tags of the plan whose keys match the
-    address of a clip are added to its metadata.
+    Clips whose addresses are in `stale` are left out. The tags of the plan whose keys match a clip
+    are added to its metadata; `found` has the clips of the sources, whose keys are known.
     """
     replaced = {clip.order for clip in pending}
     bounds = np.searchsorted(base.segments.clip, np.arange(len(base.entries) + 1)).tolist()
@@ -205,8 +204,10 @@ def _kept_clips(
             address = info.source_file.address
             if address in stale:
                 continue
-            order = (0, _path_key(address, stored.folder))
-            tags = dict.fromkeys(chain(info.tags, *matching_values(plan.tags, FoundClip(address))))
+            key = _path_key(address, stored.folder)
+            order = (0, key)
+            own = found.get(key) or FoundClip(address)
+            tags = dict.fromkeys(chain(info.tags, *plan.tag_keys.match(own)))
             if len(tags) > len(info.tags):
                 info = info._replace(tags=tuple(tags))
         if order in replaced:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 from typing import Generic, TypedDict, TypeVar
 
@@ -18,15 +19,10 @@ from mograft.body.size import describe_sizes
 from mograft.config import Config
 from mograft.errors import SkeletonMismatchError, join_names
 from mograft.io.formats import absolute_address
+from mograft.library.clip_keys import ClipKeys
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import Progress
-from mograft.library.discover import (
-    ClipSource,
-    FoundClip,
-    exclude_grafts,
-    find_clips,
-    matching_values,
-)
+from mograft.library.discover import ClipSource, FoundClip, exclude_grafts, find_clips
 from mograft.library.ingest import (
     INGEST_ERRORS,
     ClipOrder,
@@ -112,6 +108,21 @@ class IngestPlan:
         if self.hierarchy is not None and self.match != "anatomy":
             raise ValueError("`match` must be 'anatomy' if `hierarchy` is given, got 'names'")
 
+    @cached_property
+    def tag_keys(self) -> ClipKeys[Iterable[str]]:
+        """The tags by the keys of clips."""
+        return ClipKeys(self.tags)
+
+    @cached_property
+    def rate_keys(self) -> ClipKeys[float]:
+        """The frame rates by the keys of clips."""
+        return ClipKeys(self.frame_rates)
+
+    def warn_of_keys(self, *, stacklevel: int) -> None:
+        """Warn about keys of `tags` and `frame_rates` that match no clip, or several."""
+        self.tag_keys.warn("tags", stacklevel=stacklevel + 1)
+        self.rate_keys.warn("frame_rates", stacklevel=stacklevel + 1)
+
     def find_clips(self, sources: ClipSource | Iterable[ClipSource]) -> list[FoundClip]:
         """Find the clips that `sources` stand for.
 
@@ -125,7 +136,7 @@ class IngestPlan:
 
         Raise ValueError if the rate is not above 0.
         """
-        rates = matching_values(self.frame_rates, found)
+        rates = self.rate_keys.match(found)
         if rates and not 0 < rates[-1] < float("inf"):
             raise ValueError(
                 f"values of `frame_rates` must be above 0 frames per second, got {rates[-1]}"
@@ -133,7 +144,7 @@ class IngestPlan:
         source = found.source
         if isinstance(source, str):
             source = absolute_address(source)
-        tags = tuple(dict.fromkeys(chain(found.folders, *matching_values(self.tags, found))))
+        tags = tuple(dict.fromkeys(chain(found.folders, *self.tag_keys.match(found))))
         return PendingClip(order, source, tags, float(rates[-1]) if rates else None)
 
     def report(self, stage: str, done: int, total: int) -> None:

@@ -14,6 +14,7 @@ from mograft.library.files.storage import load_library, read
 
 # Imported where they are used: opening a library needs neither readers nor writers.
 if TYPE_CHECKING:
+    from mograft.library.data import Columns
     from mograft.library.ingest_run import AddOptions, IngestOptions
 
 Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
@@ -303,6 +304,33 @@ executor, progress
         from mograft.library.files.generation import save_library
 
         save_library(self, Path(path), force=force)
+
+    def table(self) -> "Columns":
+        """Return the table of all segments, with contacts, phases and copies.
+
+        All clips are read, and compared.
+
+        Returns
+        -------
+        dict of str to ndarray
+            The columns of `to_dataframe`; before them ``id``, a number that depends only on the
+            path of the file (relative to the folder of the library), the clip in it and the first
+            frame, so that it stays when clips are added; after them ``contact_JOINT``, the share of
+            frames in which the foot of the ankle JOINT is in contact; ``phase``, that of the stride
+            in the first frame: 0 at a contact of the left foot, 0.5 at one of the right, NaN where
+            the feet do not alternate; and ``twin``, the ``id`` of the first other segment that is a
+            copy in all groups, 0 if there is none.
+
+        Examples
+        --------
+        >>> from mograft.dancer import dance
+        >>> table = Library.build(dance(strides=1).motion).table()
+        >>> [name for name in table if name.startswith("contact")]
+        ['contact_LeftFoot', 'contact_RightFoot']
+        """
+        from mograft.library.segment_table import segment_table
+
+        return segment_table(self)
 
     @classmethod
     def open(cls, path: str | PathLike[str]) -> "Library":

@@ -1,7 +1,5 @@
 """``mograft augment``, ``find`` and ``curate``: data sets, searches, choices of clips."""
 
-import csv
-import io
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -16,14 +14,15 @@ from mograft.cli.graft_files import open_page
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.datasets import AugmentOptions, CurateOptions, FindOptions
-from mograft.datasets.augmentation import augment
-from mograft.datasets.curation import Choice, curate
+from mograft.datasets.augmentation import Augmentation, augment
+from mograft.datasets.curation import curate
+from mograft.datasets.curation_files import curation_table, write_choice
 from mograft.datasets.features import DEFAULT_FEATURES
 from mograft.datasets.finding import Hit, find
+from mograft.datasets.measuring import measure
 from mograft.datasets.splits import Part
 from mograft.datasets.writing import write
-from mograft.errors import join_names
-from mograft.io.csv import without_formula
+from mograft.errors import InsufficientDataError, join_names
 from mograft.io.formats import read_clip, split_address
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -56,8 +55,22 @@ def run_augment(options: AugmentOptions) -> int:
         document = write(windows, options.output, options.count, **more)
     for line in _describe_report(document["report"], options.count):
         print_remark(line)
+    if options.measure:
+        document["detectability"] = _measure(windows, options.output)
     print_result(options, "augment/1", document, [options.output])
     return 0
+
+
+def _measure(windows: Augmentation, folder: Path) -> dict[str, Any] | None:
+    """Print how well classifiers distinguish grafts of a data set, and return it for JSON."""
+    try:
+        found = measure(windows, folder)
+    except InsufficientDataError as error:  # the data set is complete
+        print_remark(f"warning: {error}")
+        return None
+    for name, own in (("seams", found.seams), ("captured motion alone", found.other_moments)):
+        print_remark(f"  AUC of classifiers, {name}: {own.gross.text()}, {own.fine.text()}")
+    return found.as_dict()
 
 
 def _describe_part(part: Part) -> None:
@@ -77,6 +90,8 @@ def _describe_report(report: dict[str, Any], count: int) -> list[str]:
         f"from the bases; widest seam of a window {report['degrees_at_widest_seam']:.1f}° (median)",
         f"  {report['segments_used']} of {report['segments_usable']} segments used; "
         f"{report['segments_with_faults']} excluded because of faults",
+        "  segments whose cluster has a used one: "
+        + ", ".join(f"{group} {share:.0%}" for group, share in report["coverage"].items()),
         f"  {report['rejected_windows']} windows were refused: not new enough, or repeated",
     ]
     if report["windows"] < count:
@@ -154,13 +169,22 @@ def run_curate(options: CurateOptions) -> int:
     """Choose clips of a library that are near all others."""
     if options.radius is not None and options.keep is not None:
         raise UsageError("--keep cannot be combined with --radius")
-    if options.output is not None:
-        check_suffix(options.output, ".csv")
-        check_writable([options.output], force=options.force)
+    output, is_table = options.output, False
+    if output is not None:
+        check_suffix(output, ".csv", is_folder=True)
+        is_table = output.suffix.lower() == ".csv" and not output.is_dir()
+        if is_table:
+            check_writable([output], force=options.force)
+        elif output.is_file() or any(output.glob("*")):
+            raise FileExistsError(f"{output} exists; choose another folder")
+    if options.files is not None and (output is None or is_table):
+        raise UsageError("--files requires -o with a folder")
     library = Library.open(options.library)
     found = curate(library, radius=options.radius, keep=options.keep, part=options.part)
-    if options.output is not None:
-        write_bytes(options.output, _curation_table(found.choices))
+    if output is not None and is_table:
+        write_bytes(output, curation_table(found))
+    elif output is not None:
+        write_choice(library, found, output, files=options.files or "none")
     print_remark(
         f"{len(found.kept)} of {len(found.choices)} clips kept, {found.kept_share:.1%} of the "
         f"frames; every other segment is within {found.radius:.3f} of a kept one"
@@ -180,13 +204,3 @@ def run_curate(options: CurateOptions) -> int:
 def _number(value: float) -> float | None:
     """Return a number as JSON has it, which has no NaN."""
     return None if np.isnan(value) else value
-
-
-def _curation_table(choices: tuple[Choice, ...]) -> bytes:
-    text = io.StringIO(newline="")
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(("clip", "kept", "frames", "nearest", "reason"))
-    for own in choices:
-        name, reason = without_formula(own.clip), without_formula(own.reason)
-        rows.writerow((name, int(own.is_kept), own.frames, f"{own.nearest:.6g}", reason))
-    return text.getvalue().encode("utf-8", "replace")

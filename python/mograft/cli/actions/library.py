@@ -11,9 +11,8 @@ from mograft.cli.files import check_suffix, check_writable, refuse_library
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax import commands
 from mograft.cli.syntax.arguments import UsageError
-from mograft.errors import join_names
+from mograft.library.clip_keys import TEXT_TAG, read_tags
 from mograft.library.clip_table import ClipInfo
-from mograft.library.discover import find_clips, matching_values, read_tags
 from mograft.library.duplicates import find_duplicates
 from mograft.library.export import export_tables
 from mograft.library.files import storage
@@ -33,8 +32,9 @@ def run_index(options: commands.IndexOptions) -> int:
     elif not options.force and (options.output.is_file() or any(options.output.glob("*"))):
         raise FileExistsError(f"{options.output} exists; use --force to replace a library")
     rates = dict(options.true_rate)
-    tags = None if options.tags is None else read_tags(options.tags)
-    _warn_of_unused(options.files, rates, tags or {})
+    if options.tag_columns is not None and options.tags is None:
+        raise UsageError("--tag-columns requires --tags")
+    tags = None if options.tags is None else read_tags(options.tags, options.tag_columns)
     library, refused = _index(options, rates, tags)
     for line in configuration.describe_excluded(refused, options):
         print_remark(line)
@@ -43,22 +43,6 @@ def run_index(options: commands.IndexOptions) -> int:
     document = {**_describe_library(library), "left_out": refused}
     print_result(options, "index/1", document, [options.output])
     return 0
-
-
-def _warn_of_unused(
-    files: Sequence[str], rates: Mapping[str, float], tags: Mapping[str, object]
-) -> None:
-    """Print a warning that lists the names of ``--true-rate`` and ``--tags`` that match no clip."""
-    if not rates and not tags:
-        return
-    table = {key: key for key in (*rates, *tags)}
-    used = {key for source in find_clips(files) for key in matching_values(table, source)}
-    unused = [key for key in table if key not in used]
-    if unused:
-        print_remark(
-            f"warning: no clip matches these names of --true-rate or --tags: {join_names(unused)}; "
-            "they have no effect"
-        )
 
 
 def _index(
@@ -103,8 +87,11 @@ def run_info(options: commands.LibInfoOptions) -> int:
         f"  {name}: {group['clusters']} clusters of diameter {group['sigma']:.4g} at most"
         for name, group in document["groups"].items()
     ]
-    if document["tags"]:
-        lines.append(f"  tags: {' '.join(document['tags'])}")
+    words = [tag for tag in document["tags"] if not tag.startswith(TEXT_TAG)]
+    if words:
+        lines.append(f"  tags: {' '.join(words)}")
+    if n_texts := len(document["tags"]) - len(words):
+        lines.append(f"  {n_texts} descriptions")
     lines += [
         f"  {line}" for line in configuration.describe_excluded(document["left_out"], options)
     ]

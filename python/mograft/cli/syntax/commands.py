@@ -53,7 +53,14 @@ class IngestOptions(Options, section="input"):
         "true rate of clips whose files have a wrong one; CLIP may be a glob; may be repeated",
         is_expert=True,
     )
-    tags: values.Table | None = option("table of clips and their tags; folders are tags, too")
+    tags: values.Table | None = option(
+        "table (.csv, .parquet) of clips and their tags; folders are tags, too",
+        details="the clip is a name, a file, the end of its path, or a glob; columns whose heading "
+        "has text, desc or caption are descriptions for find --text",
+    )
+    tag_columns: values.Columns | None = option(
+        "columns of the table of tags that are used (default: all columns of texts)"
+    )
     strict: bool = setting("fail if a file cannot be used, instead of excluding it")
 
 

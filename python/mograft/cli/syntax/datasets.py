@@ -52,6 +52,10 @@ class AugmentOptions(options.SeedOptions, options.LibraryOptions, section="outpu
         is_expert=True,
     )
     jobs: values.Count = setting("processes that make grafts (default: 1)", default=1, short="-j")
+    measure: bool = option(
+        "measure whether classifiers distinguish the grafts from captured motion; needs "
+        "mograft[evaluate]"
+    )
     resume: bool = option("continue an interrupted run with the same options")
 
 
@@ -89,6 +93,11 @@ class CurateOptions(options.WriterOptions, section="output"):
         "share of the frames to keep, such as 10%, instead of a radius"
     )
     part: values.Name | None = option("joint group that is compared (default: all groups)")
-    output: values.File | None = option(
-        ".csv file for a table of all clips, with the reason for each", short="-o"
+    output: values.OutputPath | None = option(
+        ".csv file for a table of all clips, with the reason for each; or a folder for this table "
+        "and a page with the curve of coverage and examples",
+        short="-o",
+    )
+    files: Literal["link", "copy"] | None = option(
+        "also put links to the files of the kept clips, or copies, into the folder"
     )

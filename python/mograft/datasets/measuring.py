@@ -1,0 +1,81 @@
+"""What a data set holds of its source, and whether classifiers distinguish its grafts from it."""
+
+import csv
+from os import PathLike, fspath
+from pathlib import Path
+
+import numpy as np
+
+from mograft._util.validate import check_type
+from mograft.datasets.augmentation import Augmentation
+from mograft.evaluation.detectability import Detectability, detectability
+from mograft.io.csv import without_formula
+
+TABLE = "provenance.csv"
+"""Name of the provenance of a data set."""
+
+Places = dict[str, set[tuple[str, str]]]
+"""For each joint group the clips and first frames, as they are in `TABLE`, of segments."""
+
+_MAX_GRAFTS = 64  # that are built again; their seams give more windows than are compared
+
+
+def coverage(windows: Augmentation, used: Places) -> dict[str, float]:
+    """Return the share of the source that a data set has, by joint group.
+
+    It is the share of the segments that may be used whose cluster has one that is used; segments of
+    a cluster are at most one cluster diameter threshold apart.
+    """
+    library = windows.library
+    cut, width = library.segments, int(library.segments.stop.max()) + 1
+    keys = cut.clip * width + cut.start  # ascending
+    clips = {without_formula(name): index for index, name in enumerate(library.names)}
+    usable = np.flatnonzero(library.is_donor & windows.part.clips[cut.clip])
+    shares = {}
+    for group, places in used.items():
+        known = [clips[clip] * width + int(start) for clip, start in places if clip in clips]
+        own = np.searchsorted(keys, np.array(known, np.int64))
+        labels = library.labels[group]
+        shares[group] = float(np.isin(labels[usable], labels[own]).mean())
+    return shares
+
+
+def measure(windows: Augmentation, folder: str | PathLike[str]) -> Detectability:
+    """Measure whether classifiers distinguish the grafts of a data set from captured motion.
+
+    Parameters
+    ----------
+    windows : Augmentation
+        The windows that `write` has written.
+    folder : path
+        The folder of the data set.
+
+    Returns
+    -------
+    Detectability
+        The measures of `mograft.evaluation.detectability`, with intervals. They are those of 64 of
+        the grafts at most, at equal intervals in the data set.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the data set is not complete.
+    ImportError
+        If scikit-learn is not installed.
+    InsufficientDataError
+        If the grafts have too few seams.
+    """
+    check_type("windows", windows, Augmentation)
+    with (Path(fspath(folder)) / TABLE).open(encoding="utf-8", newline="") as stream:
+        found = dict.fromkeys((row["base"], int(row["draw"])) for row in csv.DictReader(stream))
+    every = list(found)
+    rows = np.unique(np.linspace(0, len(every) - 1, min(len(every), _MAX_GRAFTS)).round())
+    draws: dict[str, list[int]] = {}
+    for row in rows.astype(int).tolist():
+        draws.setdefault(every[row][0], []).append(every[row][1])
+    names = [without_formula(windows.library.names[base]) for base in windows.bases.tolist()]
+    bases = {name: int(base) for name, base in zip(names, windows.bases, strict=True)}
+    grafts = [
+        windows.build(bases[name], sorted(own)) for name, own in draws.items() if name in bases
+    ]
+    return detectability("data set", grafts, windows.seed)
