@@ -7,7 +7,7 @@ from typing import Any
 from mograft._util.workers import worker_processes
 from mograft.cli import configuration
 from mograft.cli.actions.live import relay
-from mograft.cli.files import check_suffix, check_writable
+from mograft.cli.files import check_suffix, check_writable, refuse_library
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax import commands
 from mograft.cli.syntax.arguments import UsageError
@@ -24,6 +24,8 @@ from mograft.stream.session import PROTOCOL
 def run_index(options: commands.IndexOptions) -> int:
     """Create a library, or add files to one."""
     check_suffix(options.output, is_folder=True)
+    for name in options.files:
+        refuse_library(name)
     if options.add:
         fixed = (*configuration.FIXED_OPTIONS, "variety", "rate", "set", "force")
         configuration.refuse_fixed_options(options, *fixed)
