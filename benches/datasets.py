@@ -8,6 +8,10 @@ skeleton. It prints
   random exchange of joints between clips makes, which checks nothing;
 - ``split``: what the choice of a part costs without and with the comparison of motions;
 - ``find`` and ``curate``: their times, of `find` also in a new process;
+- ``recall``: how often the first hit of a clip, and some of the first ten, have its label, the
+  second word of names such as ``dataset-1_punch_normal_001``; and for hits drawn at random;
+- ``exchange``: how well a classifier distinguishes windows of grafts, and of a random exchange,
+  from captured windows, tested on bases on which it was not trained;
 - ``coverage``: distances of the segments of held-out clips from the segments of chosen ones, for
   `curate`, random clips, k-means and farthest points at equal numbers of frames; and the greatest
   distance of a segment that could have been chosen.
@@ -143,6 +147,99 @@ def measure_find(library, folder, n):
     )
 
 
+def interval(values, rng, scale=100.0):
+    """The mean of values with the 95 % interval of a bootstrap, as text in percent."""
+    values = scale * np.asarray(values, float)
+    draws = rng.choice(values, (1000, len(values))).mean(axis=1)
+    low, high = np.percentile(draws, [2.5, 97.5])
+    return f"{values.mean():.1f} ({low:.1f} to {high:.1f})"
+
+
+def measure_recall(library, n):
+    """Search whole clips; the span is the middle of the query, two seconds at most."""
+    rng = np.random.default_rng(0)
+    labels = [[*name.split("_"), "", ""][1] for name in library.names]
+    clips = rng.permutation([k for k, own in enumerate(library.entries) if own.n_frames > 60])[:n]
+    rows = {"find": [], "random": []}
+    for clip in clips.tolist():
+        n_frames, reach = library.entries[clip].n_frames, round(library.rate)
+        span = max(n_frames // 2 - reach, 0), min(n_frames // 2 + reach, n_frames - 1)
+        hits = datasets.find(library, library.names[clip], frames=span, top=10)
+        found = [library.names.index(own.clip) for own in hits if own.clip != library.names[clip]]
+        drawn = rng.choice(np.delete(np.arange(len(labels)), clip), 10).tolist()
+        for name, others in (("find", found), ("random", drawn)):
+            rows[name].append([labels[other] == labels[clip] for other in others] or [False])
+    print(f"\n| {len(clips)} clips | first hit has the label, % | one of ten has it, % |")
+    print("|---|--:|--:|")
+    for name, found in rows.items():
+        first, some = [own[0] for own in found], [any(own) for own in found]
+        print(f"| {name} | {interval(first, rng)} | {interval(some, rng)} |")
+
+
+def motion_features(library, quats):
+    """Log speeds and accelerations of the joints of a window, and their correlation over time."""
+    quats = np.asarray(quats, float)
+    quats /= np.linalg.norm(quats, axis=2, keepdims=True)
+    speed = mg.rotations.angle(quats[:-1], quats[1:])
+    change = np.abs(np.diff(speed, axis=0))
+    parts = [np.log(own.mean(axis=0) + 1e-5) for own in (speed, change)]
+    parts += [np.log(own.max(axis=0) + 1e-5) for own in (speed, change)]
+    groups = [speed[:, library.joints(name)].mean(axis=1) for name in library.groups.names]
+    return np.concatenate([*parts, [np.corrcoef(*groups[:2])[0, 1] if len(groups) > 1 else 0.0]])
+
+
+def measure_exchange(library, n):
+    from sklearn.ensemble import HistGradientBoostingClassifier
+    from sklearn.metrics import roc_auc_score
+
+    rng, frames = np.random.default_rng(0), 64
+    windows = datasets.augment(library, seconds=frames / library.rate, variants=1)
+    bases, rows = [], {"captured, other moments": [], "grafts": [], "random exchange": []}
+    captured = []
+    joints = library.joints(library.groups.names[-1])
+    for job in range(len(windows.bases)):
+        found = windows.run_job(job).windows
+        clip = library.clips[int(windows.bases[job])]
+        if not found or clip.n_frames < 2 * frames:
+            continue
+        start = found[0].provenance[0][1]
+        quats = clip.rotations[start : start + frames]
+        later = int(rng.integers(clip.n_frames - frames + 1))
+        other = library.clips[int(rng.choice(windows.bases))]
+        first = int(rng.integers(other.n_frames - frames + 1))
+        mixed = quats.copy()
+        mixed[:, joints] = other.rotations[first : first + frames, joints]
+        own = (clip.rotations[later : later + frames], found[0].features["rotations"], mixed)
+        captured.append(motion_features(library, quats))
+        for name, window in zip(rows, own, strict=True):
+            rows[name].append(motion_features(library, window))
+        bases.append(job)
+        if len(bases) == n:
+            break
+    folds = rng.permutation(len(bases)) % 5
+    print(f"\n| {len(bases)} windows of other clips than the training | AUC, 50 is chance |")
+    print("|---|--:|")
+    for name, others in rows.items():
+        scores, labels, clips = [], [], []
+        for fold in range(5):
+            parts = []
+            for mask in (folds != fold, folds == fold):
+                points = np.concatenate([np.array(captured)[mask], np.array(others)[mask]])
+                parts.append((points, np.repeat([0, 1], mask.sum())))
+            model = HistGradientBoostingClassifier(max_iter=80, random_state=0).fit(*parts[0])
+            scores.append(model.decision_function(parts[1][0]))
+            labels.append(parts[1][1])
+            clips.append(np.tile(np.flatnonzero(folds == fold), 2))
+        scores, labels, clips = map(np.concatenate, (scores, labels, clips))
+        value = roc_auc_score(labels, scores)
+        draws = []
+        for _ in range(200):
+            weights = np.bincount(rng.integers(len(bases), size=len(bases)), minlength=len(bases))
+            draws.append(roc_auc_score(labels, scores, sample_weight=weights[clips]))
+        low, high = 100 * np.percentile(draws, [2.5, 97.5])
+        print(f"| {name} | {100 * value:.1f} ({low:.1f} to {high:.1f}) |")
+
+
 def nearest(points, kept):
     """The distance of each point from the nearest kept one."""
     found = np.empty(len(points))
@@ -242,6 +339,9 @@ def report(options):
         measure_windows(library, place / "windows", 3 if options.tiny else 300)
         measure_split(library)
         measure_find(library, place / "library", 2 if options.tiny else 20)
+        measure_recall(library, 2 if options.tiny else 300)
+        if not options.tiny:
+            measure_exchange(library, 600)
         measure_coverage(library, (0.9,) if options.tiny else (0.02, 0.1))
 
 
