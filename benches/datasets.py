@@ -178,7 +178,7 @@ def measure_recall(library, n):
 
 def motion_features(library, quats):
     """Log speeds and accelerations of the joints of a window, and their correlation over time."""
-    quats = np.asarray(quats, float)
+    quats = np.array(quats, float)
     quats /= np.linalg.norm(quats, axis=2, keepdims=True)
     speed = mg.rotations.angle(quats[:-1], quats[1:])
     change = np.abs(np.diff(speed, axis=0))
