@@ -2,8 +2,10 @@
 
 import contextlib
 import io
+import os
 import sys
 import warnings
+from pathlib import Path
 
 from mograft import _core
 from mograft.dancer import dance
@@ -32,3 +34,12 @@ def run(parser, report, argv, *, is_timing=False):
 def tiny_motion(seed=1, n_frames=240):
     """Return a few seconds of the dancer."""
     return dance(seed=seed, strides=1).motion[:n_frames]
+
+
+def resident_bytes(process_id=None):
+    """Return the resident memory of a process, or None if the system does not state it."""
+    status = Path(f"/proc/{process_id or os.getpid()}/status")
+    if not status.exists():
+        return None
+    line = next(own for own in status.read_text().splitlines() if own.startswith("VmRSS"))
+    return int(line.split()[1]) * 1024

@@ -7,7 +7,6 @@ script uses the page before memory is measured.
 """
 
 import argparse
-import os
 import sys
 import tempfile
 import time
@@ -21,7 +20,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
-from benches._common import run
+from benches._common import resident_bytes, run
 from mograft.dancer import dance
 from mograft.studio.server import StudioServer
 from mograft.studio.session import Session
@@ -123,15 +122,6 @@ def write_clips(folder, lengths):
         motion = dance(seed=seed, strides=1).motion[:n_frames]
         motion = with_fingers(replace(motion, name=f"dance{seed:03}"), rng)
         mg.write(motion, folder / f"dance{seed:03}.npz")
-
-
-def resident_bytes(process_id=None):
-    """Return the resident memory of a process, or None if the system does not state it."""
-    status = Path(f"/proc/{process_id or os.getpid()}/status")
-    if not status.exists():
-        return None
-    line = next(own for own in status.read_text().splitlines() if own.startswith("VmRSS"))
-    return int(line.split()[1]) * 1024
 
 
 def print_times(name, times):

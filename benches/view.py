@@ -1,8 +1,11 @@
-"""Print start-up times: help, the demo, a viewer page, a step of its scrub, and films.
+"""Print start-up times: help, the demo, viewer pages, a step of their scrub, and films.
 
 Run as ``python benches/view.py``. The demo runs in a process without compiled Python files, as
-after a fresh installation. Headless Chromium opens its page, and a page of two figures of 31
-joints over 1000 frames. The times of pages include the frame that the browser draws.
+after a fresh installation. Headless Chromium opens its page, a page of two figures of 31 joints
+over 1000 frames, and one of a minute of 60 joints. The times of pages include the frame that the
+browser draws. With ``--character FILE.glb``, two figures with its mesh and four of capsules are
+drawn as often as possible, and play for ``--minutes``, after which memory is measured again. With
+``--only-drawing``, nothing else is measured.
 """
 
 import argparse
@@ -12,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +23,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
-from benches._common import run
+from benches._common import resident_bytes, run
 from mograft.dancer import dance
 from tests import strategies
 from tests.browser import chromium, open_page
@@ -34,6 +38,17 @@ SCRUB = """async () => {
   }
   times.sort((a, b) => a - b);
   return [times[100], times[190]];
+}"""
+
+
+DRAW = """async (seconds) => {
+  const start = performance.now();
+  let count = 0;
+  for (; performance.now() - start < 1000 * seconds; count++) {
+    mograft.seek(count % mograft.frames);
+    await new Promise(requestAnimationFrame);
+  }
+  return (1000 * count) / (performance.now() - start);
 }"""
 
 
@@ -96,6 +111,50 @@ def page(browser, folder, n_frames):
         print(f"ready in {ready:.2f} s; scrub {median:.1f} ms, 95 % under {high:.1f} ms")
 
 
+def minute(browser, folder, n_frames):
+    """Print how long a page of one minute takes until its first picture."""
+    (motion, _) = random_motions(60, n_frames)
+    path = mg.view(replace(motion, frame_time=1 / 60), show=False).save(folder / "minute.html")
+    for _ in range(3):
+        opened = browser.new_page(viewport={"width": 1280, "height": 800})
+        start = time.perf_counter()
+        opened.goto(path.as_uri())
+        opened.wait_for_selector("#mograft[data-ready='1']", state="attached")
+        opened.evaluate("() => new Promise(requestAnimationFrame)")
+        print(f"{n_frames / 60:.0f} s of 60 joints: picture in {time.perf_counter() - start:.2f} s")
+        opened.close()
+
+
+def drawing(browser, folder, character, seconds, minutes):
+    """Print how often six figures are drawn, and the memory of the page while they play."""
+    meshes = mg.read(character)[:2]
+    dances = [replace(dance(seed=seed, strides=2).motion, name=f"d{seed}") for seed in range(4)]
+    path = mg.view(*meshes, *dances, show=False).save(folder / "six.html")
+    with open_page(browser, path) as page:
+        page.evaluate("() => mograft.show([0, 1, 2, 3, 4, 5])")
+        rate = page.evaluate(DRAW, seconds)
+        print(f"2 meshes and 4 figures of capsules: {rate:.1f} frames/s")
+        client = page.context.new_cdp_session(page)
+        page.keyboard.press("Space")
+        for part in range(4):
+            client.send("HeapProfiler.collectGarbage")
+            used = client.send("Runtime.getHeapUsage")["usedSize"]
+            resident = renderer_bytes(browser)
+            print(
+                f"{part * minutes / 3:5.1f} minutes: heap {used / 1e6:.1f} MB, "
+                f"renderer {resident / 1e6:.0f} MB"
+            )
+            if part < 3:
+                page.wait_for_timeout(20_000 * minutes)
+
+
+def renderer_bytes(browser):
+    """Return the resident memory of the largest renderer of the browser."""
+    found = browser.new_browser_cdp_session().send("SystemInfo.getProcessInfo")["processInfo"]
+    sizes = [resident_bytes(own["id"]) or 0 for own in found if own["type"] == "renderer"]
+    return max(sizes)
+
+
 def film(folder, n_frames):
     motion = dance(strides=1).motion[:n_frames]
     for ending in ("mp4", "gif"):
@@ -111,16 +170,24 @@ def film(folder, n_frames):
 
 
 def main(argv=None):
-    run(argparse.ArgumentParser(description=__doc__), report, argv)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--character", type=Path)
+    parser.add_argument("--minutes", type=float, default=1.0)
+    parser.add_argument("--only-drawing", action="store_true")
+    run(parser, report, argv)
 
 
 def report(options):
     with tempfile.TemporaryDirectory() as name, chromium() as browser:
         folder = Path(name)
-        start_up(1 if options.tiny else 11)
-        demo(browser, folder)
-        page(browser, folder, 50 if options.tiny else 1000)
-        film(folder, 4 if options.tiny else 300)
+        if not options.only_drawing:
+            start_up(1 if options.tiny else 11)
+            demo(browser, folder)
+            page(browser, folder, 50 if options.tiny else 1000)
+            film(folder, 4 if options.tiny else 300)
+        minute(browser, folder, 60 if options.tiny else 3600)
+        if options.character is not None:
+            drawing(browser, folder, options.character, 10, options.minutes)
 
 
 if __name__ == "__main__":

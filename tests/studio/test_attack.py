@@ -11,6 +11,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 import httpx
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -32,7 +33,8 @@ def served(folder):
     given_folder = folder.parent / "given"
     given_folder.mkdir()
     (given_folder / "walk.bvh").write_text("HIERARCHY")
-    with running(folder, [given_folder]) as found:
+    with pytest.MonkeyPatch.context() as patch, running(folder, [given_folder]) as found:
+        patch.setattr(security, "MAX_REPORTS", 10_000)  # each test reads its own
         yield found
 
 
@@ -346,6 +348,26 @@ def test_200_connections_do_not_stop_an_open_page(served):
         while len(reports) < 200 - server.MAX_CONNECTIONS and time.monotonic() < until:
             time.sleep(0.05)
     assert sum("refused" in own for own in reports) >= 200 - server.MAX_CONNECTIONS
+
+
+@given(st.lists(st.floats(0, 0.3), max_size=400))
+def test_reports_of_a_second_are_few_and_the_others_are_counted(pauses):
+    clock = np.cumsum([5.0, *pauses, 2.0])  # a last refusal, in a later second
+    shown = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(security, "MAX_REPORTS", 5)
+        limited = security.limit_reports(shown.append)
+        for number, now in enumerate(clock):
+            patch.setattr(security.time, "monotonic", lambda now=now: now)
+            before = len(shown)
+            limited(f"line {number}")
+            assert len(shown) - before <= 2
+    lines = [int(own.removeprefix("line ")) for own in shown if own.startswith("line ")]
+    counted = [int(own.split()[0]) for own in shown if own.endswith("more requests were refused")]
+    assert len(lines) + sum(counted) == len(clock)
+    seconds = np.unique(clock.astype(int)[lines], return_counts=True)[1]
+    assert seconds.max() <= 5
+    assert lines == sorted(lines)
 
 
 def test_silent_connection_is_closed(served, monkeypatch):

@@ -2,6 +2,7 @@
 
 import base64
 import copy
+import io
 import json
 import shutil
 import struct
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 import mograft as mg
 from mograft import view
@@ -25,7 +27,7 @@ from mograft.viewing import character as module
 from mograft.viewing.character import read_character
 from release import three
 from tests import strategies
-from tests.browser import open_page
+from tests.browser import open_page, wait_until
 from tests.viewing.page_content import page_data
 
 KNIGHT = Path(__file__).parents[3] / "shared" / "data" / "glb" / "kaykit_Knight.glb"
@@ -173,7 +175,11 @@ def test_view_command_shows_bvh_with_character(motion, tmp_path, capsys):
     assert main([*words, "--character", str(body)]) == 0
     assert '"character":0' in page.read_text(encoding="utf-8")
     assert main([*words, "--force", "--character", str(tmp_path / "a.bvh")]) == 3
-    assert "a.bvh" in capsys.readouterr().err
+    assert "a.bvh: expected a glTF file" in capsys.readouterr().err
+    other = (tmp_path / "a.bvh").read_text(encoding="utf-8").replace("JOINT ", "JOINT other_")
+    (tmp_path / "a.bvh").write_text(other, encoding="utf-8")
+    assert main([*words, "--force", "--character", str(body)]) == 0
+    assert "warning: Figures are capsules, not the mesh of body.glb" in capsys.readouterr().err
 
 
 @pytest.fixture(scope="module")
@@ -221,6 +227,63 @@ def test_viewer_mesh_moves_as_by_the_loader_of_three(browser, loader, tmp_path, 
         for joint in used:
             want = np.reshape(theirs[names[joint]], (4, 4))
             np.testing.assert_allclose(ours[joint], want, atol=1e-5, err_msg=names[joint])
+
+
+CAMERA = """() => {
+  const { root } = mograft.actorOf(mograft.scene.clips[0]);
+  const sun = root.parent.children.find((own) => own.isDirectionalLight);
+  const paper = getComputedStyle(document.body).backgroundColor;
+  const light = [sun, sun.target].map(({ position }) => position.toArray());
+  return { ...window.camera, light, paper };
+}"""
+LISTEN = """() => {
+  const [mesh] = mograft.actorOf(mograft.scene.clips[0]).meshes;
+  mesh.onBeforeRender = (_, __, { projectionMatrix, matrixWorld }) => {
+    window.camera = { projection: projectionMatrix.toArray(), place: matrixWorld.toArray() };
+  };
+}"""
+ONLY_STAGE = """() => {
+  const names = ".viewer > :not(.stage), [data-part=captions], [data-part=marks]";
+  for (const own of document.querySelectorAll(names)) own.style.display = "none";
+}"""
+MAX_SHARE = 0.001
+"""Share of the pixels that may differ from those of the loader by more than 8 of 255: edges."""
+
+
+@pytest.mark.browser
+def test_viewer_mesh_looks_as_by_the_loader_of_three(browser, loader, tmp_path, capsys, request):
+    """The pictures of a graft of the Knight; at 20 times in a thorough run."""
+    if not KNIGHT.exists():
+        pytest.skip("no file kaykit_Knight.glb beside the repository")
+    n_times = 20 if request.config.getoption("--thorough") else 3
+    target = tmp_path / "long.glb"
+    assert main(["graft", str(KNIGHT), "-o", str(target)]) == 0
+    capsys.readouterr()
+    motion = mg.read(target)[-1]
+    path = mg.view(motion, show=False).save(tmp_path / "page.html")
+    theirs = browser.new_page(viewport={"width": 640, "height": 480})
+    theirs.add_script_tag(path=str(loader))
+    text = base64.b64encode(target.read_bytes()).decode()
+    theirs.evaluate("values => draw(...values)", [text, motion.name])
+    with open_page(browser, path, 640, 470) as page:
+        page.evaluate(ONLY_STAGE)
+        page.keyboard.press("g")  # no floor and no shadow
+        page.evaluate(LISTEN)
+        page.set_viewport_size({"width": 640, "height": 480})
+        wait_until(page, "document.querySelector('[data-part=stage]').height === 480")
+        for frame in np.linspace(0, motion.n_frames - 1, n_times).astype(int).tolist():
+            page.evaluate(f"mograft.seek({frame})")
+            view = page.evaluate(CAMERA)
+            theirs.evaluate("values => show(...values)", [frame * motion.frame_time, view])
+            shown, want = (
+                np.asarray(Image.open(io.BytesIO(own.screenshot())).convert("RGB"), int)
+                for own in (page, theirs)
+            )
+            paper = want[0, 0]
+            assert (np.abs(want - paper).max(axis=-1) > 8).mean() > 0.05  # a figure is drawn
+            share = (np.abs(shown - want).max(axis=-1) > 8).mean()
+            assert share <= MAX_SHARE, (frame, share)
+    theirs.close()
 
 
 def moved(data, part):

@@ -60,7 +60,6 @@ def _of_segment(graft: Graft, library: Library, group: str, position: int, limit
     return {
         "donors": [_candidate(library, each, own[position], length) for each in shown],
         "total": len(ranked),
-        "isSegment": True,
     }
 
 
@@ -112,5 +111,4 @@ def _of_range(graft: Graft, group: str, frames: Span, limit: int) -> Json:
             for own in spans[:limit]
         ],
         "total": len(spans),
-        "isSegment": False,
     }

@@ -99,15 +99,14 @@ def _choose_file(desk: Desk) -> None:
         name = f"{stem}{_SUFFIX}" if number == 1 else f"{stem} ({number}){_SUFFIX}"
         path = desk.folder / name
         try:
-            is_new = not path.exists()
-            known = [] if is_new else [own.path for own in read_project(path)[0].inputs]
-            if not is_new and known == paths and not desk.project.motions:
-                use_file(desk, path)
-                desk.note(f"{name} is continued")
-                return
-            if is_new:
+            if not path.exists():
                 desk.file = ProjectFile(path, desk.note)
                 desk.save()
+                return
+            known = [own.path for own in read_project(path)[0].inputs]
+            if known == paths and not desk.project.motions:
+                use_file(desk, path)
+                desk.note(f"{name} is continued")
                 return
         except (MograftError, OSError) as error:
             if not path.exists():

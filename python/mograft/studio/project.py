@@ -49,11 +49,6 @@ class ProjectMotion:
     is_kept: bool = False
     locks: tuple[Lock, ...] = ()
 
-    def as_json(self) -> Record:
-        """Return the motion as it is in the file."""
-        locks = [list(own) for own in self.locks]
-        return {**vars(self), "locks": locks}
-
 
 @dataclass(frozen=True, kw_only=True)
 class Project:
@@ -96,7 +91,7 @@ class Project:
         """The project as JSON, by which projects are compared."""
         own = {name: value for name, value in vars(self).items() if name != "text"}
         own["inputs"] = [vars(each) for each in self.inputs]
-        own["motions"] = [each.as_json() for each in self.motions]
+        own["motions"] = [vars(each) for each in self.motions]
         return json.dumps(own)
 
 

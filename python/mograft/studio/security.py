@@ -4,6 +4,7 @@ import asyncio
 import hmac
 import re
 import secrets
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
@@ -18,6 +19,9 @@ from mograft.io.formats import join_address, split_address
 
 MAX_JSON_BYTES = 4 << 20
 MAX_UPLOAD_BYTES = 2 << 30
+MAX_REPORTS = 50
+"""Greatest number of refusals that are reported in a second."""
+
 _BODY_SECONDS = 30.0  # to receive the next part of a body
 _MAX_SHOWN_CHARACTERS = 120
 
@@ -136,6 +140,24 @@ class Guard:
     def _log(self, scope: Scope, status: int) -> None:
         place = f"{scope['method']} {_short(scope['path'])}"
         self.report(f"{status} {place}: {_short(scope.get('mograft.reason', ''))}")
+
+
+def limit_reports(report: Callable[[str], None]) -> Callable[[str], None]:
+    """Return a function that reports `MAX_REPORTS` lines in a second, and then how many more."""
+    second, n_lines = 0, 0
+
+    def report_some(line: str) -> None:
+        nonlocal second, n_lines
+        now = int(time.monotonic())
+        if now != second:
+            if n_lines > MAX_REPORTS:
+                report(f"{n_lines - MAX_REPORTS} more requests were refused")
+            second, n_lines = now, 0
+        n_lines += 1
+        if n_lines <= MAX_REPORTS:
+            report(line)
+
+    return report_some
 
 
 def _limit(scope: Scope, receive: Receive) -> Receive:

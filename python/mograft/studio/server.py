@@ -14,7 +14,7 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from mograft.studio.app import create_app
-from mograft.studio.security import Places, Token
+from mograft.studio.security import Places, Token, limit_reports
 from mograft.studio.session import Session
 
 MAX_CONNECTIONS = 64
@@ -39,7 +39,7 @@ class StudioServer:
     port : int
         The port; 0 selects a free port.
     report : callable
-        Called with a line for each refused request.
+        Called with a line for each refused request; of many in a second, with their number.
 
     Raises
     ------
@@ -58,6 +58,7 @@ class StudioServer:
     ) -> None:
         self._socket = _listen(port)
         self.token = Token(self._socket.getsockname()[1])
+        report = limit_reports(report)
         app = create_app(session, self.token, Places(folder, given), report)
         config = uvicorn.Config(
             app,

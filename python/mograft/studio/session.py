@@ -156,7 +156,7 @@ class Session(Desk):
             with cancellable(lambda: self._n_questions != ticket):
                 return donors.find(self, question)
         except CancelledError:
-            return {"donors": [], "total": 0, "isSegment": False, "superseded": True}
+            return {"donors": [], "total": 0, "superseded": True}
 
     def window(self, clip: str, first: int, last: int) -> Json:
         """Return the poses of a part of a clip."""

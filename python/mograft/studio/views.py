@@ -110,10 +110,8 @@ def _motion(desk: Desk, own: ProjectMotion) -> Json:
         "hash": own.record,
         "cost": measures.get("cost"),
         "new": measures.get("new"),
-        "changed": measures.get("changed"),
         "apart": round(min(known), 2) if known else None,
         "isLoop": measures.get("isLoop", False),
-        "isReady": bool(measures),
         "isComposed": record["scenario"] is not None,
         "locks": [lock._asdict() for lock in own.locks],
         "constraints": [
@@ -122,7 +120,6 @@ def _motion(desk: Desk, own: ProjectMotion) -> Json:
             if each.get("weight") != 0
         ],
         "violations": [_violation(each, record["groups"]) for each in record["violations"]],
-        "changes": [_change(each) for each in record["changes"]],
         "remarks": remarks,
     }
 
@@ -139,12 +136,6 @@ def _violation(record: Record, groups: Mapping[str, Sequence[str]]) -> Json:
         "joint": joint,
         "text": record["message"],
     }
-
-
-def _change(record: Record) -> str:
-    (first, last), (start, stop) = record["frames"], record["clip_frames"]
-    part = record["part"] or record["group"]
-    return f"{part}, frames {first}-{last}: {record['clip']} {start}-{stop}"
 
 
 def preview(desk: Desk, key: str) -> Json:

@@ -3,7 +3,7 @@
 import json
 import threading
 from collections import OrderedDict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ _MAX_LIBRARIES = 4
 _MAX_CONFIGURED = 6  # libraries with other options, such as the variety
 _MAX_UNUSED = 100  # records
 _SHOWN = (
-    *("name", "base", "seed", "frames", "frame_time", "remarks", "violations", "changes"),
+    *("name", "base", "seed", "frames", "frame_time", "remarks", "violations"),
     *("groups", "scenario"),
 )
 """Keys of a record that the page shows."""
@@ -110,10 +110,10 @@ class Workshop:
                     table.pop(key, None)
             self._angles.clear()
 
-    def add(self, graft: Graft, sources: Sequence[str]) -> str:
-        """Add a graft that was made from the files `sources`; return the key of its record."""
+    def add(self, graft: Graft, sources: Callable[[], Sequence[str]]) -> str:
+        """Add a graft that was made from the files `sources()`; return the key of its record."""
         if not graft.request.sources:
-            graft = replace(graft, request=replace(graft.request, sources=tuple(sources)))
+            graft = replace(graft, request=replace(graft.request, sources=tuple(sources())))
         record = graft_record(graft, self.folder)
         key, text = record_key(record)
         self._add_record(key, record, text)
@@ -241,13 +241,14 @@ def _measure(graft: Graft) -> dict[str, Any]:
     new = newness(graft)
     shapes = {}
     for number, own in enumerate(graft.request.constraints):
+        if not own.is_on_poses:
+            continue
         found = encode_objects([ShownConstraint(own, graft.motion)])
         if found and found[0]["kind"] != "figure":
             shapes[number] = found[0]
     return {
         "cost": round(float(np.mean([own.cost for own in graft.substitutions])), 4),
         "new": round(new.new, 4),
-        "changed": round(float(np.degrees(new.changed)), 2),
         "isLoop": is_loop(graft.motion),
         "shapes": shapes,
     }

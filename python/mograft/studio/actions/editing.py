@@ -88,7 +88,7 @@ def _open_ranges(own: ProjectMotion, graft: Graft, fields: Fields) -> Ranges:
 
 def _revised(desk: Desk, own: ProjectMotion, graft: Graft) -> Project:
     """Return the project with another version of a motion."""
-    key = desk.workshop.add(graft, desk.source_names())
+    key = desk.workshop.add(graft, desk.source_names)
     return desk.project.with_motion(replace(own, record=key))
 
 

@@ -159,7 +159,7 @@ def _add(
                 graft = replace(
                     graft, unchanged=replace(old, motion=replace(old.motion, name=name))
                 )
-            key = desk.workshop.add(graft, desk.source_names())
+            key = desk.workshop.add(graft, desk.source_names)
             made = ProjectMotion(
                 id=f"m{number}", record=key, locks=() if locks is None else locks.locks
             )

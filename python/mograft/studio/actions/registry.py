@@ -12,7 +12,6 @@ from typing import Any
 from mograft._util.arrays import BoolArray
 from mograft._util.runs import find_runs
 from mograft.body.groups import PRESETS, JointGroups
-from mograft.config import Config, scale_of_variety
 from mograft.errors import suggest_name
 from mograft.io.formats import split_address
 from mograft.io.gltf.document import read_gltf_file
@@ -60,28 +59,6 @@ def _set_character(desk: Desk, fields: Fields) -> Outcome:
         path = str(place)
     text = "no character" if path is None else f"character {Path(path).name}"
     return replace(desk.project, character=path), text
-
-
-def _set_options(desk: Desk, fields: Fields) -> Outcome:
-    project, config = desk.project, dict(desk.project.config)
-    given = {name: value for name, value in fields.values.items() if name != "action"}
-    if "distinct" in given:
-        distinct = fields.number("distinct") or 0.0
-        if not 0 <= distinct <= 180:
-            raise ValueError(f"`distinct` must be from 0 to 180 degrees, got {distinct:g}")
-        project = replace(project, distinct=distinct)
-    variety = fields.number("variety")
-    if variety is not None:
-        given["sigma_scale"] = scale_of_variety(variety)
-    elif "variety" in given:
-        config.pop("sigma_scale", None)
-    config |= {name: own for name, own in given.items() if name not in ("distinct", "variety")}
-    if isinstance(config.get("segmentation"), str) and config["segmentation"] != "energy":
-        raise ValueError(f"`segmentation` must be 'energy', got {config['segmentation']!r}")
-    default = Config().as_dict()
-    checked = Config.from_dict(config).as_dict()
-    kept = {name: checked.get(name) for name in config if checked.get(name) != default.get(name)}
-    return replace(project, config=kept), f"options {', '.join(given) or 'unchanged'}"
 
 
 def _mark(desk: Desk, fields: Fields) -> Outcome:
@@ -154,7 +131,6 @@ def _runs(graft: Graft, group: str, is_locked: BoolArray) -> list[Lock]:
 ACTIONS: dict[str, Callable[[Desk, Fields], Outcome]] = {
     "set_groups": _set_groups,
     "set_character": _set_character,
-    "set_options": _set_options,
     "make": making.make,
     "scenario": making.compose,
     "more_like": making.more_like,

@@ -47,7 +47,6 @@ export function startCards() {
   on("project", writeAll);
   on("selected", markSelected);
   on("figure", (key) => cards.has(key.slice(7)) && redraw(cards.get(key.slice(7)).region));
-  on("theme", layOut);
   setInterval(tick, PREVIEW_MILLISECONDS);
 }
 
@@ -229,7 +228,8 @@ function layOut() {
     parts.cards.replaceChildren(...elements);
     if (focused?.isConnected && focused !== document.body) focused.focus();
   }
-  for (const card of cards.values()) redraw(card.region);
+  // All are drawn again if one of them has moved.
+  if (sorted.length) redraw(cards.get(sorted[0].id).region);
 }
 
 function markSelected() {

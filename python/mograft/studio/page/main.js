@@ -18,19 +18,9 @@ import { startTimeline } from "./timeline.js";
 import { listenToTabs } from "./ui.js";
 import { redrawAll, startView } from "./view.js";
 
-startView();
-startGizmo();
-startStage();
-startTimeline();
-startCurves();
-startCards();
-startSegment();
-startConstraints();
-startScenario();
-startSources();
-startGroups();
-startExport();
-startKeys();
+const drawing = [startView, startGizmo, startStage, startTimeline, startCurves];
+const panels = [startCards, startSegment, startConstraints, startScenario, startSources, startGroups, startExport];
+for (const start of [...drawing, ...panels, startKeys]) start();
 for (const list of root.querySelectorAll('[role="tablist"]')) listenToTabs(list);
 
 function changeTheme() {

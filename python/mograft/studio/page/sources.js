@@ -19,14 +19,17 @@ export function startSources() {
   on("progress", writeProgress);
 }
 
+let listed = "";
 function write() {
   const { sources, clips, groups, character, library, motions } = store.project;
   const project = named("span", {}, store.project.name || "", store.project.file ? " saved with every change" : "");
   parts.project.replaceChildren(...project.children);
   parts.project.title = store.project.file || "";
   document.title = `${store.project.name || "new project"} · mograft studio`;
-  parts.sources.replaceChildren(...sources.map(sourceItem));
-  parts.clips.replaceChildren(...clips.map(clipItem));
+  const next = JSON.stringify([sources, clips]);
+  if (next !== listed) parts.sources.replaceChildren(...sources.map(sourceItem));
+  if (next !== listed) parts.clips.replaceChildren(...clips.map(clipItem));
+  listed = next;
   parts.settings.hidden = !groups?.names?.length;
   const presets = (groups?.presets || []).map((name) => [name, name.replaceAll("_", ", ")]);
   fill(parts.preset, groups?.preset ? presets : [["", "own groups"], ...presets], groups?.preset || "");

@@ -54,16 +54,23 @@ export function redrawStage() {
 // The base has a tile of its own if it is shown beside the graft and there is room.
 const hasTwoTiles = () => store.layout === "beside" && store.mode === "view" && baseFigure() !== null;
 
+let drawn = []; // What the two tiles show.
 function layOut() {
   const tiles = parts.tiles;
   const isTwo = hasTwoTiles();
   baseTile.hidden = !isTwo;
   tiles.classList.toggle("stacked", isTwo && tiles.clientWidth < WIDE_ENOUGH);
-  const ratio = Math.min(window.devicePixelRatio || 1, 2);
-  marks.width = Math.round(marks.clientWidth * ratio);
-  marks.height = Math.round(marks.clientHeight * ratio);
-  marks.ratio = ratio;
-  redrawStage();
+  const ratio = (marks.ratio = Math.min(window.devicePixelRatio || 1, 2));
+  const [width, height] = [marks.clientWidth, marks.clientHeight].map((own) => Math.round(own * ratio));
+  if (marks.width !== width || marks.height !== height) Object.assign(marks, { width, height });
+  const looks = [baseFigure(), mainFigure()].map((own) => [own, own?.values, own?.hash]);
+  const { constraints, violations } = selected() || {};
+  looks[0].push(isTwo, store.layout, store.mode, width, height);
+  looks[1].push(JSON.stringify([constraints, violations, store.project?.groups, store.project?.skeleton]));
+  const isNew = looks.map((own, i) => own.some((value, k) => value !== drawn[i]?.[k]));
+  drawn = looks;
+  if (isNew[0]) redrawStage();
+  else if (isNew[1]) redraw(stage.graft);
 }
 
 function prepareBase() {

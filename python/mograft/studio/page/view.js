@@ -116,7 +116,7 @@ function drawSurface(surface, places) {
   const { canvas, around, renderer } = surface;
   const own = [...places].filter(([{ element }]) => around.contains(element));
   canvas.hidden = !own.some(([, place]) => isSeen(place));
-  if (!own.some(([region, place]) => region.isDirty && isSeen(place))) return;
+  if (canvas.hidden || !own.some(([region]) => region.isDirty)) return;
   const { seen } = placeOf(around);
   const ratio = Math.min(window.devicePixelRatio || 1, 1.5);
   const key = JSON.stringify([seen, ratio, own.map(([, place]) => place)]);

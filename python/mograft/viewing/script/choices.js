@@ -12,7 +12,7 @@ const text = (value) => JSON.stringify(value);
 const OPTIONS = {
   take: ({ group, part, clip, from, to }) =>
     `--take ${quote(`${group === null ? "" : `${group}:`}${part}=${clip}:${from}-${to}`)}`,
-  ban: ({ group, part, clip, from, to }) => `--ban ${quote(`${group === null ? "" : `${group}:`}${part}=${clip}:${from}-${to}`)}`,
+  ban: (choice) => OPTIONS.take(choice).replace("--take", "--ban"),
   keep: ({ start, stop }) => `--keep ${start}-${stop}`,
   change: ({ row, start, stop, clip, from, to }) =>
     `--change ${quote(`${row}@${start}-${stop}${clip ? `=${clip}:${from}-${to}` : ""}`)}`,
@@ -68,7 +68,7 @@ export function mark(clip, value) {
 }
 
 // Keep the motions with a star; without any star, those that are not rejected.
-export function keepCommand() {
+function keepCommand() {
   if (!verdicts.size) return "";
   const made = clips.filter((clip) => clip.keep !== null);
   const starred = made.filter((clip) => verdicts.get(clip) === "star");
@@ -111,10 +111,9 @@ const listeners = [];
 export const onChoice = (listener) => listeners.push(listener);
 
 async function copyText(field) {
-  let isCopied = false;
+  let isCopied = true;
   try {
     await navigator.clipboard.writeText(field.value);
-    isCopied = true;
   } catch {
     // In a notebook, the page may not write to the clipboard: the command is then selected.
     field.focus();

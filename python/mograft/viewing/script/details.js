@@ -5,10 +5,13 @@ import { donorFrames, load } from "./poses.js";
 import { clipFrame, create, createButton, find, scene, state, toPageFrame } from "./scene.js";
 import { donorName, timeline } from "./timeline.js";
 
+const LABELS = { take: "use here", ban: "never use here", change: "use in the selection" };
 const degrees = (value) => `${value.toFixed(1)}°`;
 const NOTE =
-  "Cost and seams are those between the captured neighbours, as mograft candidates prints them. Point at a donor to see it.";
-const IDLE = "Click a block to list the donors that it could have; drag over blocks to select a range of frames.";
+  "Cost and seams are those between the captured neighbours, as mograft candidates prints them. Point at a part to see it.";
+const IDLE =
+  "A block is a segment: it names the clip that its frames come from; the angle is the jump of the joints where it begins. " +
+  "Click one to see what else could be there; drag over blocks to select frames.";
 
 export function describe({ line, part }) {
   const { row, clip } = line;
@@ -16,9 +19,8 @@ export function describe({ line, part }) {
   if (row.cluster[part] >= 0) items.push(`cluster ${row.cluster[part]}`);
   const source = donorName(row, part);
   if (source !== null) {
-    const stretch = row.stretch[part];
-    const percent = `${stretch > 0 ? "+" : "−"}${(100 * Math.abs(stretch)).toFixed(1)} %`;
-    const duration = Math.abs(stretch) < 0.0005 ? "same duration" : `duration ${percent}`;
+    const percent = (100 * row.stretch[part]).toFixed(1);
+    const duration = Number(percent) ? `duration ${percent > 0 ? "+" : "−"}${Math.abs(percent).toFixed(1)} %` : "same duration";
     items.push(`donor ${source} ${row.first[part]}–${row.last[part]}, ${duration}`);
   } else if (row.grafted) {
     items.push(row.others[part] === 0 ? "captured: no other donor" : "captured");
@@ -113,29 +115,31 @@ function writeCandidates() {
   const more = found?.more > 0 ? `${found.more} more: mograft candidates --segment ${pinned.part}. ` : "";
   find("more").textContent = more + (found?.list.some((own) => own.cost !== null) ? NOTE : "");
   const where = state.range ? `${rangeOf(pinned).join("–")}` : "this segment";
-  const keep = createButton(`keep captured motion in ${where}`, "Add to the command", () => chooseFor(pinned, "keep"));
-  const reason = "The best part of any clip that is new there";
-  const other = createButton(`other motion in ${where}`, reason, () => chooseFor(pinned, "change"));
-  find("ranges").replaceChildren(keep, other);
+  const titles = { keep: "Restore captured motion", change: "Use the next best part" };
+  const make = ([kind, text]) => createButton(`${text} in ${where}`, "Add to the command below", () => chooseFor(pinned, kind));
+  find("ranges").replaceChildren(...Object.entries(titles).map(make));
   markChoices();
 }
 
+function rowOf(cells, kind = "") {
+  const record = create("tr", undefined, kind);
+  record.append(...cells.map((text) => create("td", text)));
+  return record;
+}
+
 function candidateRow(chosen, own) {
-  const record = create("tr", undefined, own.isUsed ? "used" : "");
   const frames = `${own.clip} ${own.from}-${own.to}${own.isOwn ? " (captured)" : ""}`;
   const cells = [own.isUsed ? `${frames}, in use` : frames];
   if (own.cost === null) cells.push("", "", "");
   else cells.push(own.cost.toFixed(2), own.stretch.toFixed(2), `${own.before.toFixed(0)}°/${own.after.toFixed(0)}°`);
-  record.append(...cells.map((text) => create("td", text)));
-  const last = create("td");
+  const record = rowOf(cells, own.isUsed ? "used" : "");
+  const last = record.appendChild(create("td"));
   for (const kind of ["take", "ban", ...(state.range ? ["change"] : [])]) {
-    const label = kind === "change" ? "use in range" : kind;
-    const button = createButton(label, "Add to the command", () => chooseFor(chosen, kind, own));
+    const button = createButton(LABELS[kind], "Add to the command below", () => chooseFor(chosen, kind, own));
     button.dataset.choice = [kind, own.clip, own.from, own.to].join();
-    button.setAttribute("aria-pressed", "false");
+    button.ariaPressed = "false";
     last.append(button, " ");
   }
-  record.append(last);
   for (const kind of ["pointerenter", "focusin"]) record.addEventListener(kind, () => preview(chosen, own));
   for (const kind of ["pointerleave", "focusout"]) record.addEventListener(kind, () => preview(chosen, null));
   return record;
@@ -157,17 +161,15 @@ export function writeTable() {
   for (const line of timeline.lines) {
     const { row, clip } = line;
     for (let part = 0; part < Math.min(row.start.length, 2000); part++) {
-      const record = create("tr");
       const source = donorName(row, part);
-      const cells = [
+      const record = rowOf([
         clip.name,
         row.group,
         `${row.start[part]}–${row.stop[part]}`,
         row.cluster[part] < 0 ? "" : row.cluster[part],
         source === null ? "" : `${source} ${row.first[part]}–${row.last[part]}`,
         row.before[part] === null ? "" : degrees(row.before[part]),
-      ];
-      record.append(...cells.map((text) => create("td", text)));
+      ]);
       record.addEventListener("click", () => {
         state.pinned = { line, part };
         seek(toPageFrame(clip, row.start[part]));

@@ -9,12 +9,9 @@ let captions = [];
 
 function markButtons(clip) {
   if (clip.keep === null) return [];
-  return [
-    ["star", "★"],
-    ["reject", "✕"],
-  ].map(([value, sign]) => {
-    const button = createButton(sign, `${value === "star" ? "Keep" : "Reject"} this motion`, () => mark(clip, value));
-    button.setAttribute("aria-label", `${button.title}: ${clip.name}`);
+  return Object.entries({ star: "Keep", reject: "Reject" }).map(([value, text]) => {
+    const button = createButton(text, `${text} this motion in the command below`, () => mark(clip, value));
+    button.ariaLabel = `${text} this motion: ${clip.name}`;
     button.dataset.mark = value;
     return button;
   });
@@ -29,7 +26,7 @@ export function makeCaptions() {
     const note = create("div", clip.note, "now note");
     note.title = clip.note;
     box.append(head, note, now);
-    return { box, now, clip, text: "" };
+    return { box, now, clip };
   });
   find("captions").replaceChildren(...captions.map(({ box }) => box));
   placeCaptions();
@@ -58,16 +55,15 @@ export function placeCaptions() {
 }
 
 export function writeCaptions() {
-  captions.forEach((caption) => {
-    const { clip, now } = caption;
+  for (const { clip, now } of captions) {
     const frame = clipFrame(clip, state.frame);
     const text = clip.rows
       .map((row) => [row, partAt(row, frame)])
       .filter(([row, at]) => at >= 0 && row.source[at] >= 0)
-      .map(([row, at]) => `${row.group} ← ${donorName(row, at)} ${row.first[at]}–${row.last[at]}`)
+      .map(([row, at]) => `${row.group} from ${donorName(row, at)} ${row.first[at]}–${row.last[at]}`)
       .join(" · ");
-    if (text !== caption.text) now.textContent = caption.text = text;
-  });
+    if (text !== now.textContent) now.textContent = text;
+  }
 }
 
 function markChosen() {

@@ -31,7 +31,7 @@ export function resetCamera() {
 export function toggle(name, value = !state[name]) {
   state[name] = value;
   if (name === "follow") state.stand = state.frame;
-  find(name).setAttribute("aria-pressed", value);
+  find(name).ariaPressed = value;
   placeCaptions();
   redraw();
 }
@@ -39,7 +39,7 @@ export function toggle(name, value = !state[name]) {
 // Follow the pointers of an element. `down`, `move` and `up` receive the place of a single pointer,
 // `move` also the steps since the last event; `pinch` receives the middle of two pointers, by which
 // factor they moved apart, and how their middle moved; `wheel` the event and its place.
-function listenToPointers(element, { down, move, up, pinch, wheel }) {
+function listenToPointers(element, { down = () => {}, move, up = () => {}, pinch, wheel }) {
   const fingers = new Map();
   const place = (event) => {
     const box = element.getBoundingClientRect();
@@ -80,13 +80,11 @@ function listenToPointers(element, { down, move, up, pinch, wheel }) {
 export function listenToStage() {
   stage.addEventListener("contextmenu", (event) => event.preventDefault());
   listenToPointers(stage, {
-    down: () => {},
     move: (event, _, step) => {
       if (!step) return;
       if (event.shiftKey || event.buttons & 6) pan(...step);
       else orbit(-step[0] * 0.008, step[1] * 0.008);
     },
-    up: () => {},
     pinch: (_, factor, step) => {
       zoom(factor);
       pan(...step);

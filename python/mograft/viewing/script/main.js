@@ -16,8 +16,8 @@ const sliders = [rows, overview];
 
 function writeSliders() {
   for (const slider of sliders) {
-    slider.setAttribute("aria-valuenow", state.frame);
-    slider.setAttribute("aria-valuetext", `frame ${state.frame} of ${nFrames - 1}, ${seconds()} seconds`);
+    const ariaValueText = `frame ${state.frame} of ${nFrames - 1}, ${seconds()} seconds`;
+    Object.assign(slider, { ariaValueNow: state.frame, ariaValueText });
   }
 }
 
@@ -41,10 +41,8 @@ function onFiguresChange() {
 }
 
 function describeStage() {
-  const names = shownClips()
-    .map((clip) => clip.name)
-    .join(" and ");
-  stage.setAttribute("aria-label", `Moving figures: ${names}. Space plays, arrow keys step.`);
+  const names = shownClips().map(({ name }) => name);
+  stage.ariaLabel = `Moving figures: ${names.join(" and ")}. Space plays, arrow keys step.`;
   find("overlay").hidden = state.shown.length < 2;
   find("loop").hidden = find("parts").hidden = !timeline.lines.length;
 }
@@ -62,6 +60,7 @@ function writeLegend() {
 
 function changeTheme() {
   readTheme();
+  find("theme").textContent = ink.dark ? "Light page" : "Dark page";
   writeLegend();
   redraw();
 }
@@ -92,21 +91,17 @@ function listenToButtons() {
 }
 
 function prepare() {
-  writeLegend();
+  changeTheme();
   makeCaptions();
   makeFigureButtons(onFiguresChange);
-  for (const slider of sliders) {
-    slider.setAttribute("aria-valuemin", 0);
-    slider.setAttribute("aria-valuemax", nFrames - 1);
-  }
+  for (const slider of sliders) Object.assign(slider, { ariaValueMin: 0, ariaValueMax: nFrames - 1 });
   find("frame").max = nFrames - 1;
-  find("total").textContent = `/ ${nFrames - 1}`;
+  find("total").textContent = `of ${nFrames - 1}`;
   find("note").textContent = scene.note;
   const hasClusters = clips.some(({ rows: own }) => own.some(({ cluster }) => cluster.some((number) => number >= 0)));
   find("clusters").hidden = !hasClusters;
   find("mesh").hidden = !hasMesh();
-  state.colours = !hasMesh();
-  find("colours").setAttribute("aria-pressed", state.colours);
+  find("colours").ariaPressed = state.colours = !hasMesh();
   for (const drawer of [drawStage, writeCaptions, drawRows, drawOverview, writeDetail, writeFrame, writeSliders]) {
     onDraw(drawer);
   }
@@ -122,7 +117,6 @@ function fitTimeline() {
 async function begin() {
   const characters = scene.objects.filter(({ kind }) => kind === "figure").map(({ clip }) => clip);
   await Promise.all([...[...shownClips(), ...characters].map(load), loadCharacters()]);
-  readTheme();
   startStage();
   prepare();
   onFiguresChange();

@@ -66,9 +66,8 @@ function tick(time) {
 
 export function play(on = !state.playing) {
   state.playing = on && nFrames > 1;
-  const button = find("play");
-  button.setAttribute("aria-label", state.playing ? "Pause" : "Play");
-  button.dataset.on = state.playing ? "1" : "";
+  find("play").ariaLabel = state.playing ? "Pause" : "Play";
+  find("play").dataset.on = state.playing ? "1" : "";
   clock = performance.now();
   carried = 0;
   if (state.playing) requestAnimationFrame(tick);

@@ -51,12 +51,9 @@ export function tiles() {
   const { width, height } = size;
   if (state.overlay) return [[0, 0, width, height]];
   const count = state.shown.length;
-  let best = [1, 0];
-  for (let columns = 1; columns <= count; columns++) {
-    const room = Math.min(width / columns, (height / Math.ceil(count / columns)) * 0.8);
-    if (room > best[1] * 1.001) best = [columns, room];
-  }
-  const columns = best[0];
+  const room = (columns) => Math.min(width / columns, (height / Math.ceil(count / columns)) * 0.8);
+  let columns = 1;
+  for (let more = 2; more <= count; more++) if (room(more) > room(columns) * 1.001) columns = more;
   const lines = Math.ceil(count / columns);
   return state.shown.map((_, i) => [
     ((i % columns) * width) / columns,

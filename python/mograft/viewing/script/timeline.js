@@ -95,8 +95,8 @@ function drawSegments(brush, { clip, row }, top, wide) {
     const [a, b] = [place(row.start[part]), place(row.stop[part])];
     if (b < timeline.gutter || a > wide) continue;
     const source = donorName(row, part);
-    const names =
-      source === null ? blockNames(null, row.start[part], row.stop[part]) : blockNames(source, row.first[part], row.last[part]);
+    const [from, to] = source === null ? [row.start, row.stop] : [row.first, row.last];
+    const names = blockNames(source, from[part], to[part]);
     const cluster = row.cluster[part];
     let fill = source === null ? ink.panel : numberColour(row.source[part]);
     if (state.clusters && cluster >= 0) {
