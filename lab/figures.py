@@ -1,25 +1,28 @@
 """Draw the figures of ``docs/evidence.md`` from the tables in ``lab/results``."""
 
 import argparse
+import sys
 from pathlib import Path
 
-from lab.experiments.run import RESULTS, ROOT
-from lab.experiments.sources import DEVELOPMENT, TEST
+from lab.experiments.run import RESULTS, ROOT, stale_experiments
+from lab.experiments.sources import DEVELOPMENT, SOURCES, TEST, UNTOUCHED
 from lab.experiments.tables import read_csv
-from lab.plots import FAINT, INK, MARK, as_svg, create_panels
+from lab.experiments.verdicts import ANGLE_MARGIN, KAPPA_MARGIN
+from lab.plots import FAINT, INK, LINES, MARK, as_svg, create_panels
 
 FIGURES = ROOT / "docs" / "figures"
-DEVELOPED = "#b08a00"  # sources on which constants were chosen
+COLOURS = {"test": MARK, "development": "#b08a00", "untouched": "#2f9e68"}  # by use of the source
 
 
-def draw_rows(panels, label, line, *, columns=3, limits=None):
+def draw_rows(panels, label, line, *, columns=3, limits=None, margin=None):
     """Draw one panel for each title: the value and the interval of each source.
 
     `panels` maps a title to rows of CSV with the name of the column of values. All panels have the
-    same horizontal axis; intervals end at its `limits`.
+    same horizontal axis; intervals end at its `limits`. Intervals within the band of `margin`
+    around `line` are equal to it.
     """
     found = {row["source"] for rows, _ in panels.values() for row in rows}
-    names = [name for name in (*TEST, *DEVELOPMENT) if name in found]
+    names = [name for name in (*UNTOUCHED, *TEST, *DEVELOPMENT) if name in found]
     height = 0.5 + 0.16 * len(names)
     figure, axes = create_panels(len(panels), columns, height, has_labels=True, width=2.2)
     for ax in axes[1:]:
@@ -27,9 +30,11 @@ def draw_rows(panels, label, line, *, columns=3, limits=None):
     for position, (title, (rows, column)) in enumerate(panels.items()):
         ax = axes[position]
         ax.axvline(line, color=FAINT, linewidth=1, zorder=0)
+        if margin is not None:
+            ax.axvspan(line - margin, line + margin, color=FAINT, alpha=0.25, zorder=0)
         for row in rows:
             height = names.index(row["source"])
-            colour = MARK if row["source"] in TEST else DEVELOPED
+            colour = COLOURS[SOURCES[row["source"]].use]
             if row.get(f"{column} low"):
                 ends = [float(row[f"{column} {end}"]) for end in ("low", "high")]
                 ax.plot(ends, [height, height], color=colour, linewidth=1.6)
@@ -60,7 +65,8 @@ def retrieval(folder):
         "nearest neighbours": "less nearest neighbours",
     }
     table = folder / "retrieval-advantages.csv"
-    return draw_rows(_panels(table, "analogy less", rules, "angle, degrees"), "degrees", 0)
+    panels = _panels(table, "analogy less", rules, "angle, degrees")
+    return draw_rows(panels, "degrees", 0, margin=ANGLE_MARGIN)
 
 
 def matched(folder):
@@ -71,9 +77,8 @@ def matched(folder):
         "nearest neighbours": "less nearest neighbours",
     }
     table = folder / "matched-differences.csv"
-    return draw_rows(
-        _panels(table, "analogy less", rules, "κ, same segments"), "κ", 0, limits=(-1, 1.5)
-    )
+    panels = _panels(table, "analogy less", rules, "κ, same segments")
+    return draw_rows(panels, "κ", 0, limits=(-1, 1.5), margin=KAPPA_MARGIN)
 
 
 def gaps(folder):
@@ -101,7 +106,7 @@ def seams(folder):
 def generators(folder):
     """Gross AUC of windows of several generators."""
     rows = read_csv(folder / "generators-auc.csv")
-    names = ("captured", "graft", "random donors", "CutMix", "GenMM, upper body", "motion matching")
+    names = ("captured", "graft", "random donors", "CutMix", "GenMM, upper body")
     return draw_rows({name: (rows, name) for name in names}, "AUC", 0.5)
 
 
@@ -126,7 +131,60 @@ def collisions(folder):
     )
 
 
-DRAWN = (retrieval, matched, gaps, seams, generators, balance, collisions)
+STYLES = {
+    "balls": ("o-", LINES[0]),
+    "clusters": ("s-", LINES[1]),
+    "nearest": ("^-", LINES[2]),
+    "random, by cost": ("v-", LINES[3]),
+    "random donors": ("D", INK),
+    "CutMix": ("P", INK),
+    "motion matching": ("X", INK),
+    "GenMM, upper body": ("*", INK),
+}
+"""Marker and colour of the methods in `tradeoff`: lines of several settings, or one point."""
+
+
+def tradeoff(folder):
+    """Gross AUC of changed windows against the mean angle to the base, by method and source."""
+    rows = read_csv(folder / "tradeoff-settings.csv")
+    names = dict.fromkeys(own["source"] for own in rows if own["source"] not in DEVELOPMENT)
+    figure, axes = create_panels(len(names), 3, 1.5, has_labels=False, width=2.4)
+    for ax, name in zip(axes, names, strict=False):
+        for method, (style, colour) in STYLES.items():
+            own = [row for row in rows if (row["source"], row["method"]) == (name, method)]
+            points = sorted(
+                (float(row["newness, degrees"]), float(row["AUC, gross"]))
+                for row in own
+                if row["AUC, gross"]
+            )
+            if points:
+                x, y = zip(*points, strict=True)
+                ax.plot(x, y, style, color=colour, markersize=3.5, linewidth=1.2, label=method)
+        ax.axhline(0.5, color=FAINT, linewidth=1, zorder=0)
+        ax.set_ylim(0.35, 1.0)
+        ax.set_title(f"{name} ({SOURCES[name].use})", fontsize=8, color=INK, loc="left")
+        ax.set_xlabel("newness, degrees", fontsize=7.5, color=INK)
+    labels = axes[0].get_legend_handles_labels()
+    figure.legend(
+        *labels, ncols=4, loc="outside upper left", fontsize=7, frameon=False, labelcolor=INK
+    )
+    return figure
+
+
+DRAWN = (retrieval, matched, gaps, seams, generators, tradeoff, balance, collisions)
+
+EXPERIMENTS = {"gaps": "new-motions"}  # of figures that have another name than their experiment
+STALE = "Stale: measured with an earlier version of the code."
+
+
+def draw_all(folder):
+    """Yield the name and the SVG of every figure; those of earlier code say so."""
+    stale = stale_experiments(folder)
+    for draw in DRAWN:
+        figure, name = draw(folder), draw.__name__
+        if EXPERIMENTS.get(name, name) in stale:
+            figure.supxlabel(STALE, fontsize=7, color=INK)
+        yield name, as_svg(figure)
 
 
 def main(argv=None):
@@ -136,6 +194,7 @@ def main(argv=None):
     parser.add_argument("-o", "--output", type=Path, default=FIGURES)
     options = parser.parse_args(argv)
     options.output.mkdir(parents=True, exist_ok=True)
-    for draw in DRAWN:
-        target = options.output / f"{draw.__name__}.svg"
-        target.write_text(as_svg(draw(options.results)), encoding="utf-8")
+    for name, text in draw_all(options.results):
+        (options.output / f"{name}.svg").write_text(text, encoding="utf-8")
+        if STALE in text:
+            print(f"{name}: {STALE}", file=sys.stderr)

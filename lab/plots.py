@@ -8,7 +8,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 INK, FAINT, MARK = "#7d838b", "#b9bec5", "#4a86cf"  # legible on light and dark backgrounds
-_LINES = ("#4a86cf", "#d9596b", "#2f9e68", "#b08a00")
+LINES = ("#4a86cf", "#d9596b", "#2f9e68", "#b08a00")
 
 
 def draw_kappa(by_name):
@@ -107,7 +107,7 @@ def draw_counts(by_name, paper=None):
         rows = [row for row in by_name[name] if row.sigma == reading]
         scales = [row.sigma_scale for row in rows]
         for index, count in enumerate(rows[0].counts if rows else ()):
-            colour = _LINES[index % len(_LINES)]
+            colour = LINES[index % len(LINES)]
             for field, dash in (("unfiltered", "-"), ("filtered", ":")):
                 factors = [getattr(row.counts[index], field) / row.segments for row in rows]
                 ax.plot(scales, factors, dash, color=colour, linewidth=1.3)

@@ -88,25 +88,26 @@ class Studio:
     def _rng(self, clip, run):
         return np.random.default_rng((self.seed, clip, run))
 
-    def _name(self, clip):
+    def name(self, clip):
+        """Return the name of a clip."""
         return self.library.entries[clip].name
 
     def graft(self, clip, n_runs):
-        found = mg.graft_many(self.library, self._name(clip), n_runs, seed=self.seed)
+        found = mg.graft_many(self.library, self.name(clip), n_runs, seed=self.seed)
         return [graft.motion for graft in found]
 
     def graft_paper(self, clip, n_runs):
-        found = mg.graft_many(self.paper_library, self._name(clip), n_runs, seed=self.seed)
+        found = mg.graft_many(self.paper_library, self.name(clip), n_runs, seed=self.seed)
         return [graft.motion for graft in found]
 
     def random_donors(self, clip, n_runs):
-        name, method = self._name(clip), RandomLength(has_seam_limit=False)
+        name, method = self.name(clip), RandomLength(has_seam_limit=False)
         found = grafts_by(method, self.library, name, n_runs, seed=self.seed)
         return [graft.motion for graft in found]
 
     def same_segments(self, clip, n_runs):
         """Return grafts with random donors for exactly the segments that `graft` exchanges."""
-        name, method = self._name(clip), RandomLength(has_seam_limit=False)
+        name, method = self.name(clip), RandomLength(has_seam_limit=False)
         plan, drawn = draw_donors(method, self.library, name, n_runs, seed=self.seed)
         grafts = mg.graft_many(self.library, name, n_runs, seed=self.seed)
         return [
@@ -150,7 +151,7 @@ class Studio:
     def _synthesize(self, clip, run, kept):
         length = len(self.examples[clip])
         features = genmm.synthesize(self.examples, length, self._rng(clip, run), kept=kept)
-        return self.arrays.decode(features, name=self._name(clip))
+        return self.arrays.decode(features, name=self.name(clip))
 
     def _walk(self, clip, run):
         base = self.library.clips[clip]

@@ -4,7 +4,6 @@ A module of an experiment has these names. `EXPERIMENTS` in `lab.experiments.run
 
 - ``NAME``: beginning of the names of its CSV files, such as ``"retrieval"``.
 - ``SOURCES``: names of the sources (`lab.experiments.sources.SOURCES`) that it measures.
-- ``HELPERS`` (optional): modules on whose code the results depend.
 - ``measure(recordings, *, is_quick)``: returns a JSON value for one `Recordings`. It may raise
   `mograft.InsufficientDataError`. Results are stored, so that an interrupted run continues where it
   stopped.

@@ -16,7 +16,6 @@ import mograft as mg
 from lab.donors.compatibility import compatibility
 from lab.donors.donor_methods import RandomLength
 from lab.donors.methods import Analogy
-from lab.experiments import bases
 from lab.experiments.bases import choose_bases
 from lab.experiments.tables import Table, format_estimate
 from mograft.evaluation import estimate
@@ -25,7 +24,6 @@ from mograft.evaluation.windows import GraftWindows
 from mograft.evaluation.world_measures import WorldReference
 
 NAME = "ablation"
-HELPERS = (bases,)
 SOURCES = ("salsa A", "perfume", "slow walks", "stage", "locomotion")
 _DEFAULT = mg.Config()
 

@@ -10,14 +10,12 @@ import numpy as np
 
 from lab.donors.donor_methods import RandomLength, grafts_by
 from lab.donors.methods import Analogy, ContactPattern
-from lab.experiments import bases
 from lab.experiments.bases import MAX_BASES, N_GRAFTS
 from lab.experiments.tables import Table, format_estimate
 from mograft.evaluation import estimate
 from mograft.evaluation.balance import BALANCES, BalancedBase, balance_row
 
 NAME = "balance"
-HELPERS = (bases,)
 SOURCES = ("salsa A", "salsa B", "perfume", "indian", "basketball", "slow walks", "locomotion")
 METHODS = (RandomLength(), ContactPattern(), Analogy())
 

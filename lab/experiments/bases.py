@@ -6,7 +6,7 @@ MIN_BASE_FRAMES = 60
 MAX_BASES = 8
 MAX_FRAMES = 4000  # of all bases
 N_GRAFTS = 3
-MIN_GRAFTS = 6  # of all bases: an interval needs five
+MIN_GRAFTS = 12  # of all bases: an interval needs ten
 
 
 def choose_bases(library, *, is_quick):

@@ -1,28 +1,51 @@
 """Results of experiments, stored as JSON files under the version of the code and of the inputs."""
 
+import ast
 import hashlib
 import json
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-_UNRELATED = ("cli", "viewing", "plot")  # packages on which no result depends
+_UNRELATED = ("cli", "datasets", "stream", "studio", "viewing")  # no result depends on these
 
 
-def code_version(modules):
-    """Return a checksum of the package, of its kernels and of modules of the laboratory."""
+def code_version(*modules):
+    """Return a checksum of the package, its kernels, what experiments share, and `modules`.
+
+    Comments and docstrings of Python do not count.
+    """
     package = ROOT / "python" / "mograft"
     files = [
         path
         for path in sorted(package.rglob("*.py"))
         if path.relative_to(package).parts[0] not in _UNRELATED
     ]
-    files += sorted((ROOT / "rust").rglob("*.rs"))
-    files += [Path(__file__).with_name("sources.py")]
+    files += [Path(__file__).with_name(name) for name in ("sources.py", "bases.py")]
+    for folder in ("baselines", "donors", "measures"):
+        files += sorted((ROOT / "lab" / folder).glob("*.py"))
     files += [Path(module.__file__) for module in modules]
     checksum = hashlib.sha256()
     for path in files:
+        checksum.update(_code(path).encode())
+    for path in sorted((ROOT / "rust").rglob("*.rs")):
         checksum.update(path.read_bytes())
     return checksum.hexdigest()[:12]
+
+
+@cache
+def _code(path):
+    """Return the syntax tree of a Python file, without its docstrings, as text."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        own = getattr(node, "body", None)
+        if isinstance(own, list):
+            node.body = [part for part in own if not _is_text(part)]
+    return ast.dump(tree)
+
+
+def _is_text(node):
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
 def input_version(files):

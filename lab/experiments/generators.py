@@ -17,35 +17,22 @@ intervals resample blocks of five seconds. The row `captured` is captured motion
 """
 
 import mograft as mg
-from lab.baselines import body_mixing, catalogue, genmm, motion_arrays, motion_matching
+from lab.baselines import catalogue
 from lab.experiments.pooling import pool, subtract
-from lab.experiments.sources import DEVELOPMENT, TEST
+from lab.experiments.sources import DEVELOPMENT, TEST, UNTOUCHED
 from lab.experiments.tables import Table, format_estimate
-from lab.measures import (
-    contacts,
-    distributions,
-    generated_sets,
-    nearest_patches,
-    nearest_windows,
-    tracks,
-    two_sets,
-)
+from lab.measures import generated_sets
 
 NAME = "generators"
-SOURCES = ("salsa A", "perfume", "indian", "locomotion", "gestures", "everyday", "slow walks")
-HELPERS = (
-    body_mixing,
-    catalogue,
-    genmm,
-    motion_arrays,
-    motion_matching,
-    contacts,
-    distributions,
-    generated_sets,
-    nearest_patches,
-    nearest_windows,
-    tracks,
-    two_sets,
+SOURCES = (
+    "salsa A",
+    "perfume",
+    "indian",
+    "locomotion",
+    "gestures",
+    "everyday",
+    "slow walks",
+    *UNTOUCHED,
 )
 MAX_CLIPS = 24
 N_RUNS = 3
@@ -105,7 +92,7 @@ def _as_dicts(estimates):
 def tables(results):
     """Variety, similarity to captured motion and seconds by generator."""
     found = {}
-    for use, names in (("test", TEST), ("development", DEVELOPMENT)):
+    for use, names in (("test", TEST), ("development", DEVELOPMENT), ("untouched", UNTOUCHED)):
         chosen = {name: own for name, own in results.items() if name in names}
         if chosen:
             found[f"variety-{use}"] = _table(chosen, _VARIETY)

@@ -17,14 +17,12 @@ from functools import lru_cache
 import numpy as np
 
 import mograft as mg
-from lab.baselines import augmentation, body_mixing
 from lab.baselines.augmentation import SCHEMES, LabelledClips
 from lab.experiments.tables import Table, format_estimate
 from lab.measures import clip_features
 
 NAME = "learning"
 SOURCES = ("actions and styles",)
-HELPERS = (augmentation, body_mixing, clip_features)
 SHARES = (0.05, 0.1, 0.25)
 N_SEEDS = 10
 REFERENCE = "repeated"

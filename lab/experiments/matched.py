@@ -12,6 +12,7 @@ from lab.donors.donor_methods import RandomLength
 from lab.donors.methods import Analogy, Ball, ContactPattern, Nearest
 from lab.experiments.sources import SOURCES as ALL_SOURCES
 from lab.experiments.tables import Table, format_estimate
+from lab.experiments.verdicts import KAPPA_MARGIN, count_verdicts, verdict
 from mograft.body.contacts import find_legs
 
 NAME = "matched"
@@ -51,16 +52,24 @@ def tables(results):
                 name,
                 rule,
                 format_estimate(found[rule]["kappa"]),
+                verdict(found[rule]["kappa"], KAPPA_MARGIN),
                 format_estimate(found[rule]["accepted"], 1, 100, has_n=False),
                 format_estimate(null[rule]["accepted"], 1, 100, has_n=False),
             )
             for rule in COMPARED
             if rule in found
         ]
-    head = ("κ, same segments", "accepted, points", "accepted, shuffled parts")
+    head = ("κ, same segments", "verdict", "accepted, points", "accepted, shuffled parts")
+    verdicts = [
+        (name, rule, verdict(found["kappa"], KAPPA_MARGIN))
+        for name, result in results.items()
+        for rule, found in _differences(result["found"]["differences"]).items()
+        if rule in COMPARED
+    ]
     accepted = [_score_row(name, result["found"]) for name, result in results.items()]
     return {
         "differences": Table(("source", "analogy less", *head), rows),
+        "verdicts": count_verdicts(verdicts),
         "accepted": Table(
             ("source", "segments", "AUC", "captured", *(m.name for m in METHODS)), accepted
         ),

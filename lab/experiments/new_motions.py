@@ -13,15 +13,23 @@ import numpy as np
 
 from lab.donors.donor_methods import Method, RandomLength, grafts_by
 from lab.donors.methods import Analogy, ByCost, Nearest, Random
-from lab.experiments import bases
 from lab.experiments.bases import choose_bases
+from lab.experiments.sources import UNTOUCHED
 from lab.experiments.tables import Table, format_estimate
 from mograft.evaluation import estimate
 from mograft.evaluation.quality import quality
 
 NAME = "new-motions"
-HELPERS = (bases,)
-SOURCES = ("salsa A", "salsa B", "perfume", "indian", "basketball", "slow walks", "locomotion")
+SOURCES = (
+    "salsa A",
+    "salsa B",
+    "perfume",
+    "indian",
+    "basketball",
+    "slow walks",
+    "locomotion",
+    *UNTOUCHED,
+)
 _BLOCK_FRAMES = 75
 
 

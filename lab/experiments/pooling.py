@@ -16,10 +16,12 @@ def standard_error(estimate):
 def pool(estimates):
     """Return the mean of the estimates of several sources, whose errors are independent.
 
-    Estimates without a value are left out. The interval is that of a normal distribution; it
+    Estimates without a value are left out, and those without an interval if others have one. The
+    interval is that of a normal distribution; it
     covers the errors within the sources, and not the choice of the sources. `n` is the sum.
     """
-    found = [own for own in estimates if own["value"] is not None]
+    known = [own for own in estimates if own["value"] is not None]
+    found = [own for own in known if own["interval"] is not None] or known
     errors = [standard_error(own) for own in found]
     return _normal(
         sum(own["value"] for own in found) / len(found) if found else None,

@@ -18,12 +18,10 @@ import mograft as mg
 from lab.donors.compatibility import compatibility
 from lab.donors.donor_methods import Method, RandomLength
 from lab.donors.methods import cluster_candidates
-from lab.experiments import bases
 from lab.experiments.tables import Table, format_estimate
 from mograft.clustering import cut, threshold
 
 NAME = "readings"
-HELPERS = (bases,)
 SOURCES = ("salsa A", "salsa B")
 FRAMES = ("world", "local")
 COORDINATES = ("rotation vector", "Euler")

@@ -13,6 +13,7 @@ import math
 from lab.donors.retrieval import retrieval
 from lab.experiments.sources import SOURCES as ALL_SOURCES
 from lab.experiments.tables import Table, format_estimate
+from lab.experiments.verdicts import ANGLE_MARGIN, count_verdicts, verdict
 
 NAME = "retrieval"
 SOURCES = tuple(name for name in ALL_SOURCES if name != "actions and styles")
@@ -28,6 +29,13 @@ def tables(results):
     """Gains of analogy less those of other rules, and the errors and ranks of all rules."""
     return {
         "advantages": _advantage_table(results),
+        "verdicts": count_verdicts(
+            [
+                (name, own["rule"], verdict(own["angle"], ANGLE_MARGIN, _DEGREES))
+                for name, found in results.items()
+                for own in found["advantages"]
+            ]
+        ),
         "angles": _score_table(results, "angle", _DEGREES, 1),
         "ranks": _score_table(results, "rank", 1, 2),
     }
@@ -67,6 +75,7 @@ def _advantage_table(results):
             name,
             own["rule"],
             format_estimate(own["angle"], 2, _DEGREES),
+            verdict(own["angle"], ANGLE_MARGIN, _DEGREES),
             format_estimate(own["angle_null"], 2, _DEGREES, has_n=False),
             format_estimate(own["distance"], 4, has_n=False),
             format_estimate(own["distance_null"], 4, has_n=False),
@@ -80,6 +89,7 @@ def _advantage_table(results):
             "source",
             "analogy less",
             "angle, degrees",
+            "verdict",
             "angle, null",
             "distance, heights",
             "distance, null",

@@ -22,7 +22,7 @@ from lab.common import tiny_motion
 from lab.experiments.cache import Cache, code_version, input_version
 from lab.experiments.constants import CONSTANTS
 from lab.experiments.sources import SOURCES, Recordings, find_files, read_recordings
-from lab.experiments.tables import write_csv
+from lab.experiments.tables import Table, read_csv, write_csv
 
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "lab" / "results"
@@ -37,8 +37,11 @@ EXPERIMENTS = (
     "balance",
     "seam_tests",
     "generators",
+    "tradeoff",
     "learning",
+    "editing",
 )
+CODE = "code.csv"  # the version of the code that measured each experiment
 FACTS = "facts"  # name under which the numbers of clips, frames and segments are stored
 
 
@@ -52,6 +55,23 @@ def measure_facts(recordings):
     library = recordings.library
     n_frames = sum(clip.n_frames for clip in library.clips)
     return [len(library.clips), n_frames, len(library.segments)]
+
+
+def stale_experiments(folder):
+    """Return the experiments with tables in a folder that other code measured, or unknown code."""
+    path = folder / CODE
+    known = {own["experiment"]: own["code"] for own in read_csv(path)} if path.exists() else {}
+    return {own.NAME for own in experiments() if known.get(own.NAME) != code_version(own)}
+
+
+def write_code(results, folder):
+    """Note in a folder which code measured the experiments; those without results keep theirs."""
+    path = folder / CODE
+    known = {own["experiment"]: own["code"] for own in read_csv(path)} if path.exists() else {}
+    for experiment, stored in results.items():
+        versions = {own.get("code", "unknown") for own in stored.values()}
+        known[experiment] = versions.pop() if len(versions) == 1 else "several"
+    write_csv(Table(("experiment", "code"), sorted(known.items())), path)
 
 
 class Run:
@@ -73,14 +93,13 @@ class Run:
             self._recordings = read_recordings(name, self.files[name], is_quick=is_quick)
         return self._recordings
 
-    def result(self, experiment, modules, name, measure):
+    def result(self, experiment, code, name, measure):
         """Return the stored result of an experiment on a source; compute it if it is missing.
 
-        The result depends on the package and on the code in `modules`.
+        `code` is the version of the code on which the result depends.
         """
         if name not in self._inputs:
             self._inputs[name] = input_version(self.files[name])
-        code = code_version(modules)
         size = "quick" if self.options.quick else "full"
         version = f"{code}-{self._inputs[name]}-{size}"
         stored = self.cache.read(experiment, name, version, is_any_version=self.options.stored)
@@ -103,7 +122,7 @@ class Run:
         """Return the stored or computed result of a module of experiments on a source."""
         return self.result(
             experiment.NAME,
-            (experiment, *getattr(experiment, "HELPERS", ())),
+            code_version(experiment),
             name,
             partial(experiment.measure, is_quick=self.options.quick),
         )
@@ -161,9 +180,9 @@ def write_tables(results, facts, folder):
         if measured:
             for title, table in experiment.tables(measured).items():
                 write_csv(table, folder / f"{experiment.NAME}-{title}.csv")
+    write_code(results, folder)
     sources = [
-        (name, "test" if SOURCES[name].is_test else "development", SOURCES[name].description, *own)
-        for name, own in facts.items()
+        (name, SOURCES[name].use, SOURCES[name].description, *own) for name, own in facts.items()
     ]
     constants = [
         (
@@ -193,7 +212,7 @@ def collect(options):
     current = Run(options)
     facts, results = {}, {}
     for name in current.sources():
-        stored = current.result(FACTS, (), name, measure_facts)
+        stored = current.result(FACTS, code_version(), name, measure_facts)
         if stored is not None and "value" in stored:
             facts[name] = stored["value"]
     for experiment, name in current.pairs():

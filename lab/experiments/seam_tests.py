@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from lab.experiments.pooling import pool, subtract
-from lab.experiments.sources import DEVELOPMENT, TEST
+from lab.experiments.sources import DEVELOPMENT, TEST, UNTOUCHED
 from lab.experiments.tables import Table, format_estimate
 from mograft import Config, InsufficientDataError
 from mograft.evaluation.detectability import MIN_WINDOWS, block_folds, detect, pair_other_moments
@@ -31,6 +31,7 @@ SOURCES = (
     "everyday",
     "slow walks",
     "acting",
+    *UNTOUCHED,
 )
 MAX_CLIPS = 40
 N_RUNS, N_SPLITS = 4, 2
@@ -92,7 +93,7 @@ def measure(recordings, *, is_quick):
 
 def tables(results):
     """AUC by treatment, and of every source, and the AUC of others less that of the default."""
-    uses = {"test": TEST, "development": DEVELOPMENT}
+    uses = {"test": TEST, "development": DEVELOPMENT, "untouched": UNTOUCHED}
     pooled = {
         f"auc-{use}": _table(own)
         for use, names in uses.items()

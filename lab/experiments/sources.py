@@ -1,4 +1,8 @@
-"""The recordings of the experiments, and whether a constant of the program was chosen on them."""
+"""The recordings of the experiments, and what they were used for before.
+
+On development sources constants were chosen. On test sources none was, but decisions were checked
+on them. No one had looked at results on untouched sources before the plan in ``lab/plan.md``.
+"""
 
 import fnmatch
 import tarfile
@@ -26,9 +30,11 @@ class Source:
     name: str
     pattern: str
     description: str
-    is_test: bool  # whether no constant was chosen on it
+    use: str  # "development", "test" or "untouched"
     is_archived: bool = False
     max_clips: int = 10_000  # evenly spaced in the order of names
+    without: str = ""  # a pattern of names of files that are left out
+    others: tuple = ()  # names of sources whose files are left out
 
 
 _DEVELOPMENT = (
@@ -36,31 +42,31 @@ _DEVELOPMENT = (
         "salsa A",
         "paper_shape_57dof/paper_shape_A.bvh",
         "CMU subject 60, four takes in one file, as many frames as the first dance of the paper",
-        is_test=False,
+        use="development",
     ),
     Source(
         "salsa B",
         "paper_shape_57dof/paper_shape_B.bvh",
         "the same dancer, three takes",
-        is_test=False,
+        use="development",
     ),
     Source(
         "perfume",
         "dance_perfume_test/*.bvh",
         "three dancers, one take each (Perfume Global Site Project)",
-        is_test=False,
+        use="development",
     ),
     Source(
         "indian",
         "dance_cmu94_indian_30fps/*.bvh",
         "CMU subject 94, Indian dance, four takes",
-        is_test=False,
+        use="development",
     ),
     Source(
         "basketball",
         "database_vsports_basket/*.bvh",
         "basketball practice (SNU VSports), 9 of 28 takes",
-        is_test=False,
+        use="development",
         max_clips=9,
     ),
 )
@@ -69,7 +75,7 @@ _TEST = (
         "locomotion",
         "dataset-2_walk_* dataset-2_run_* dataset-2_walk-turn-*",
         "Bandai-Namco set 2: walks, runs and turns in seven styles",
-        is_test=True,
+        use="test",
         is_archived=True,
         max_clips=120,
     ),
@@ -77,7 +83,7 @@ _TEST = (
         "gestures",
         "dataset-2_raise-up-* dataset-2_wave-*",
         "Bandai-Namco set 2: raised and waving hands in seven styles",
-        is_test=True,
+        use="test",
         is_archived=True,
         max_clips=120,
     ),
@@ -85,53 +91,75 @@ _TEST = (
         "actions and styles",
         "dataset-2_*",
         "Bandai-Namco set 2: ten actions in seven styles, every third clip",
-        is_test=True,
+        use="test",
         is_archived=True,
         max_clips=968,
     ),
     Source(
         "everyday",
-        "dataset-1_*_[!n]*",
+        "dataset-1_*",
         "Bandai-Namco set 1: everyday actions in all styles but the normal one",
-        is_test=True,
+        use="test",
         is_archived=True,
         max_clips=120,
+        without="dataset-1_*_normal_*",
     ),
     Source(
         "slow walks",
         "skel_snu_wd2/w*.bvh",
         "walks of one person (SNU, DataDrivenBipedController)",
-        is_test=True,
+        use="test",
     ),
     Source(
         "video dance",
         "skel_animated_drawings/jesse_dance.bvh",
         "a dance estimated from video (Rokoko)",
-        is_test=True,
+        use="test",
     ),
     Source(
         "acting",
         "skel_animated_drawings/[!j]*.bvh",
         "short actions of one person (FAIR, AnimatedDrawings)",
-        is_test=True,
+        use="test",
     ),
     Source(
         "stage",
         "skel_optitrack_arena_57dof/*.bvh",
         "one take of one person, 57 DoF (OptiTrack Arena)",
-        is_test=True,
+        use="test",
     ),
-    Source("boxing", "skel_cmu_motionbuilder/*.bvh", "CMU subject 13, one take", is_test=True),
+    Source("boxing", "skel_cmu_motionbuilder/*.bvh", "CMU subject 13, one take", use="test"),
     Source(
-        "estimated",
-        "skel_video2bvh/*.bvh",
-        "a dance estimated from video (video2bvh)",
-        is_test=True,
+        "estimated", "skel_video2bvh/*.bvh", "a dance estimated from video (video2bvh)", use="test"
     ),
 )
-SOURCES = {source.name: source for source in _DEVELOPMENT + _TEST}
-DEVELOPMENT = tuple(source.name for source in _DEVELOPMENT)
-TEST = tuple(source.name for source in _TEST)
+_UNTOUCHED = (
+    Source(
+        "other clips",
+        "dataset-2_*",
+        "Bandai-Namco set 2: clips of no other source, of the same people",
+        use="untouched",
+        is_archived=True,
+        max_clips=120,
+        others=("locomotion", "gestures", "actions and styles"),
+    ),
+    Source(
+        "pair dance",
+        "dance_carousel_pair/*.bvh",
+        "two dancers who dance together, and a warm-up (Carousel Dancing)",
+        use="untouched",
+    ),
+    Source(
+        "game clips",
+        "glb/kaykit_Med_*.glb",
+        "animations of a game's character, made by hand (KayKit)",
+        use="untouched",
+    ),
+)
+SOURCES = {source.name: source for source in _DEVELOPMENT + _TEST + _UNTOUCHED}
+DEVELOPMENT, TEST, UNTOUCHED = (
+    tuple(own.name for own in several) for several in (_DEVELOPMENT, _TEST, _UNTOUCHED)
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,6 +198,10 @@ def find_files(source, data, unpacked):
             for path in sorted((unpacked / "bn").glob("*.bvh"))
             if any(fnmatch.fnmatch(path.name, pattern) for pattern in patterns)
         ]
+    if source.without:
+        files = [own for own in files if not own.match(source.without)]
+    used = {own for name in source.others for own in find_files(SOURCES[name], data, unpacked)}
+    files = [own for own in files if own not in used]
     n = min(source.max_clips, len(files))
     return [files[index * len(files) // n] for index in range(n)]
 
@@ -181,8 +213,7 @@ def read_recordings(name, files, *, is_quick=False):
     """
     sets = defaultdict(list)
     n_frames = 0
-    for path in files:
-        motion = mg.read_bvh(path)
+    for motion in (clip for path in files for clip in mg.read(path)):
         if any(fault.kind == "first_frame" for fault in mg.find_faults(motion)):
             motion = motion[1:]
         motion = motion.resample(RATE)

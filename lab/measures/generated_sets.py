@@ -31,6 +31,9 @@ MIN_PATCH_FRAMES = 10  # at 10 frames per second: shortest patch of the global m
 N_SPLITS = 4  # random divisions of the captured windows, for the null comparison
 Z = 1.959964  # of a 95 % interval
 _NO_INTERVAL = "bootstrap of 0 blocks"
+NO_DETECTION = dict.fromkeys(
+    ("gross", "fine"), estimate.Estimate.without_value(0, "windows", _NO_INTERVAL)
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,8 +314,7 @@ def detection(pairs, n_blocks):
     found = [two_sets.compare_sets(*pair, seed) for seed, pair in enumerate(pairs)]
     found = [own for own in found if own is not None]
     if not found:
-        nothing = estimate.Estimate.without_value(0, "windows", _NO_INTERVAL)
-        return {"gross": nothing, "fine": nothing}
+        return NO_DETECTION
     present = np.unique(np.concatenate([own.unit for own in found]))
 
     def auc(multiplicities, which):

@@ -65,18 +65,23 @@ class TestedWindows:
             return np.where(is_known, values, 0.0).sum(axis=0) / is_known.sum(axis=0)
 
 
-def read_windows(motions, blocks):
-    """Return the windows of motions and their blocks.
+def read_windows(motions, blocks, chosen=None):
+    """Return the windows of motions and their blocks, or None if there are none.
 
-    `blocks` has the blocks of the frames of each motion, an array of shape (n_frames,).
+    `blocks` has the blocks of the frames of each motion, an array of shape (n_frames,). `chosen`
+    tells whether each frame may be the centre of a window, by default all.
     """
     parts, units = [], []
-    for motion, own in zip(motions, blocks, strict=True):
+    for index, (motion, own) in enumerate(zip(motions, blocks, strict=True)):
         reach = window_reach("seams", motion.rate)
         centers = np.arange(reach, motion.n_frames - reach, STEP)
+        if chosen is not None:
+            centers = centers[chosen[index][centers]]
         if len(centers):
             parts.append(extract_windows(BodyTracks.of(motion), centers, "seams"))
             units.append(own[centers])
+    if not parts:
+        return None
     unit = np.concatenate(units)
     return WindowSet(Windows.concatenate(parts), unit, unit)
 

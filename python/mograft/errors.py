@@ -104,7 +104,8 @@ def suggest_name(
 def suggest_path(path: str | Path) -> str:
     """Return "; did you mean 'X'?" for a path that does not exist, or "".
 
-    X is the most similar path in the folder of the first missing part of the path.
+    X is the most similar path in the folder of the first missing part of the path. If none is
+    similar, the files there with the suffix of the path are listed.
     """
     missing = [own for own in (Path(path), *Path(path).parents) if not own.exists()]
     if not missing or not missing[-1].parent.is_dir():
@@ -112,7 +113,10 @@ def suggest_path(path: str | Path) -> str:
     folder = missing[-1].parent
     beside = [str(folder / own.name) for own in sorted(folder.iterdir())]
     prefix = str(missing[-1])[: -len(missing[-1].name)]
-    return suggest_name(str(missing[-1]), beside, prefix, cutoff=0.7)
+    close = suggest_name(str(missing[-1]), beside, prefix, cutoff=0.7)
+    suffix = missing[-1].suffix.lower()
+    same = [own for own in beside if suffix and own.lower().endswith(suffix)]
+    return close or (f"; the folder has {join_names(same, 5)}" if same else "")
 
 
 def join_names(names: Sequence[str], maximum: int = 12) -> str:

@@ -10,7 +10,10 @@ import pytest
 
 from mograft import Motion, read_bvh, write_bvh
 from mograft.body import groups as joint_groups
+from mograft.body.capsules import Poses
+from mograft.body.contacts import foot_skate
 from mograft.cli.syntax.values import PRESETS
+from mograft.constraints import AvoidSelf
 from mograft.formats import write_npz
 from tests.hierarchies import skeleton_from_text
 from tests.strategies import smooth_rotations
@@ -42,7 +45,9 @@ def test_info_lists_groups_exactly_if_graft_finds_them(run, text):
     groups = json.loads(run("info", "x.bvh", "--json")[1])["files"][0]["groups"]
     code, _, err = run("graft", "x.bvh", "-o", "y.bvh")
     assert (code == 0) == bool(groups), err
-    assert ("no joint groups recognized" in run("info", "x.bvh")[1]) == (not groups)
+    shown = run("info", "x.bvh")[1]
+    assert ("no joint groups recognized" in shown) == (not groups)
+    assert ("not recognized as a person" in shown) == (bool(groups) and "arms" not in groups)
     names = [name for own in groups.values() for name in own]
     assert sorted(names) == (sorted(skeleton.names) if groups else [])
 
@@ -250,3 +255,29 @@ def test_check_and_info_name_files_of_another_size(succeed, folder, tmp_path, co
     line = f"legs are not as long as the median: {clips / 'metres.bvh'} (0.0588 times)"
     assert succeed(command, clips)[0].splitlines()[-1] == line
     assert json.loads(succeed(command, clips, "--json")[0])["sizes"] == [line]
+
+
+def test_check_contacts_lists_sliding_feet_and_hands_in_the_body(succeed, folder):
+    motion = read_bvh(folder / "a.bvh")[:60]
+    arm, forearm = (motion.skeleton.index(name) for name in ("LeftArm", "LeftForeArm"))
+    rotations = motion.rotations.copy()
+    rotations[20:31, [arm, forearm]] = [0.0, 0.0, 0.0, 1.0]
+    n_inside = 0
+    for first, last in [(0, 59), *((frame, frame + 5) for frame in range(0, 54, 9))]:
+        shown = replace(motion, rotations=rotations, channel_values=None)[first : last + 1]
+        depths, _ = AvoidSelf().errors(Poses.from_motion(shown))
+        write_bvh(shown, "shown.bvh")
+        lines = succeed("check", "shown.bvh", "--contacts")[0].splitlines()
+        assert f"feet slide in {foot_skate(shown):.1%} of the steps" in "\n".join(lines)
+        found = [own for own in lines if " is in the body in frames " in own]
+        assert bool(found) == ("no hand or forearm is in the body" not in "\n".join(lines))
+        assert bool(found) == bool((depths > 1.0).any())
+        n_inside += bool(found)
+        for own in found:
+            _, _, span = own.partition(" in frames ")
+            start, stop = map(int, span.partition(",")[0].split(" to "))
+            worst = int(span.rpartition(" ")[2])
+            assert (depths[start : stop + 1] > 1.0).all()
+            assert depths[worst] == depths[start : stop + 1].max()
+    assert 0 < n_inside < 7
+    assert "contacts" not in json.loads(succeed("check", "shown.bvh", "--json")[0])["files"][0]

@@ -7,9 +7,12 @@ import shlex
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from mograft import Config, Library, __version__, graft_many, read_bvh, write_bvh
+from mograft.body.mass import mass_model
 from mograft.cli import main
 from mograft.evaluation import world_measures
 from tests.hierarchies import DATA
@@ -354,3 +357,19 @@ def test_graft_obstacle_at_kept_joints_ends_before_the_search(run, folder, monke
         run("graft", folder / "a.bvh", "-o", "out", "--avoid", f"sphere:{foot},5", "--best-effort")
     with pytest.raises(AssertionError, match="the search started"):
         run("graft", folder / "a.bvh", "-o", "out", "--avoid", f"sphere:{foot},5@200-210")
+
+
+def test_graft_from_moves_a_hand_from_where_it_is_and_keeps_all_donors(run, succeed, folder):
+    succeed("graft", folder / "a.bvh", "-o", "old.bvh", "-q")
+    reach = ["--from", "old.json", "--reach", "100:LeftHand:@LeftHand+0,0.15,0", "-o", "new.bvh"]
+    code, _, err = run("graft", *reach, "--set", "reach_ik=0")
+    assert code == 4
+    assert "--set reach_ik=1 bends the arm or leg farther; --best-effort" in err.splitlines()[-1]
+    err = succeed("graft", *reach, "--set", "reach_ik=1")[1]
+    assert "instead of" not in err
+    old, new = read_bvh("old.bvh"), read_bvh("new.bvh")
+    hand, height = old.skeleton.index("LeftHand"), mass_model(old.skeleton).height
+    moved = (new.world_positions() - old.world_positions())[100, hand] / height
+    assert_allclose(moved, [0, 0.15, 0], atol=0.03)
+    changed = np.flatnonzero((new.rotations != old.rotations).any(axis=(1, 2)))
+    assert 70 < changed[0] <= 100 <= changed[-1] < 130

@@ -244,9 +244,18 @@ def test_folder_of_other_options_is_refused(windows, stored, tmp_path):
     before = contents(tmp_path / "set")
     with pytest.raises(FileExistsError, match="exists"):
         datasets.write(windows, tmp_path / "set", 5)
-    other = datasets.augment(stored, seconds=2.0, seed=5)
-    with pytest.raises(ValueError, match="other options"):
-        datasets.write(other, tmp_path / "set", 5, resume=True)
+    own = {"seconds": 2.0, "split": "auto:clip", "seed": 4, "variants": 2}
+    others = {
+        "`seed` 4, not 5": ({"seed": 5}, 5),
+        "`seconds` 2, not 1.5": ({"seconds": 1.5}, 5),
+        "`count` 5, not 6": ({}, 6),
+        "`variants` 2, not 3": ({"variants": 3}, 5),
+        "another `features`": ({"features": ("root",)}, 5),
+    }
+    for message, (changed, count) in others.items():
+        other = datasets.augment(stored, **own | changed)
+        with pytest.raises(ValueError, match=f"holds a data set with {message}; use the options"):
+            datasets.write(other, tmp_path / "set", count, resume=True)
     assert contents(tmp_path / "set") == before
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes/a.txt").write_text("mine")

@@ -196,7 +196,7 @@ def test_open_truncated_or_missing_file_raises_library_error(small_library, data
 def test_open_foreign_or_newer_library_raises_library_error(small_library, tmp_path):
     with pytest.raises(FileNotFoundError):
         Library.open(tmp_path / "nothing")
-    with pytest.raises(LibraryError, match=r"not a mograft library: .* mograft index CLIPS -o"):
+    with pytest.raises(LibraryError, match=r"not a mograft library: .* mograft index .* -o"):
         Library.open(tmp_path)
     (tmp_path / "a.bvh").write_text("HIERARCHY")
     with pytest.raises(LibraryError, match=r"a\.bvh is not a mograft library: it is a file"):

@@ -191,6 +191,8 @@ def test_find_violations_reports_runs_with_worst_frame(poses):
         assert violation.joint == HAND
         assert violation.message.count(HAND) == 1
         assert "heights inside, tolerance 0.005" in violation.message
+        x, y, z = poses.joint_positions(HAND)[violation.worst]
+        assert violation.message.endswith(f"; the joint is at {x:.4g},{y:.4g},{z:.4g}")
     assert_array_equal(covered, below)
     assert find_violations([replace(low, weight=1.0)], poses) == []
 
@@ -461,6 +463,7 @@ def test_reach_unreachable_target_reports_smallest_violation(library):
     distance = np.linalg.norm(position - [0, 9 * height, 0]) / height
     assert violation.error == pytest.approx(distance / 0.03)
     assert f"{distance:.3f} heights" in violation.message
+    assert violation.message.endswith("; the joint is at {:.4g},{:.4g},{:.4g}".format(*position))
     assert violation.message in graft.report()
     assert mg.graft_record(graft)["violations"][0]["worst_frame"] == 100
 

@@ -14,6 +14,7 @@ import mograft.constraints as mc
 from mograft.body.anatomy import find_joint
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
+from mograft.search.pose_constraints import anchor_reaches
 from mograft.synthesis.graft import kept_violations
 from mograft.viewing.encoding import encode_objects
 from mograft.viewing.figure import ShownConstraint
@@ -40,6 +41,19 @@ OTHER_NAMES = {
 def located(motion, part, offset):
     positions = motion.world_positions()
     return mc.FigurePosition(part, offset).locate(motion.skeleton, positions, 1)
+
+
+@given(PARTS, OFFSETS, st.integers(0, MOTION.n_frames - 1))
+def test_reach_relative_to_its_own_joint_is_anchored_where_the_joint_is(part, offset, frame):
+    own = mc.Reach("LeftHand", mc.FigurePosition(part, offset), frame)
+    absolute = mc.Reach("LeftHand", (1.0, 2.0, 3.0), frame)
+    anchored, other = anchor_reaches([own, absolute], MOTION)
+    assert other is absolute
+    if part == "left hand":
+        assert anchored.target == pytest.approx(tuple(located(MOTION, part, offset)[frame]))
+        assert (anchored.joint, anchored.frames) == (own.joint, own.frames)
+    else:
+        assert anchored is own
 
 
 @given(PARTS, OFFSETS, st.floats(-4.0, 4.0), st.floats(0.2, 5.0), st.floats(-90.0, 90.0))

@@ -175,7 +175,11 @@ def test_view_command_shows_bvh_with_character(motion, tmp_path, capsys):
     assert main([*words, "--character", str(body)]) == 0
     assert '"character":0' in page.read_text(encoding="utf-8")
     assert main([*words, "--force", "--character", str(tmp_path / "a.bvh")]) == 3
-    assert "a.bvh" in capsys.readouterr().err
+    assert "a.bvh: expected a glTF file" in capsys.readouterr().err
+    other = (tmp_path / "a.bvh").read_text(encoding="utf-8").replace("JOINT ", "JOINT other_")
+    (tmp_path / "a.bvh").write_text(other, encoding="utf-8")
+    assert main([*words, "--force", "--character", str(body)]) == 0
+    assert "warning: Figures are capsules, not the mesh of body.glb" in capsys.readouterr().err
 
 
 @pytest.fixture(scope="module")

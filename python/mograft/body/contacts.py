@@ -190,16 +190,20 @@ def point_speeds(points: FloatArray, rate: float) -> FloatArray:
 
 def skating_share(motion: Motion, ground: Ground) -> float:
     """Return `foot_skate` for a given floor."""
+    slides = sliding_feet(motion, ground)
+    return float(slides.mean()) if slides.size else 0.0
+
+
+def sliding_feet(motion: Motion, ground: Ground) -> BoolArray:
+    """Return which feet slide in each step from frame to frame, shape (n_frames - 1, n_legs)."""
     points = ground.points(motion)
-    if not points.size or motion.n_frames < 2:
-        return 0.0
     low = ground.above(points) < _SKATING_HEIGHT * ground.height
     low = low[1:] & low[:-1]
     steps = np.diff(points, axis=0)
     level = steps - (steps @ ground.up)[..., None] * ground.up
     speeds = np.linalg.norm(level, axis=-1) * motion.rate
     slowest = np.where(low, speeds, np.inf).min(axis=-1)
-    return float((low.any(axis=-1) & (slowest > _SKATING_SPEED * ground.height)).mean())
+    return low.any(axis=-1) & (slowest > _SKATING_SPEED * ground.height)
 
 
 def _remove_short_runs(marked: BoolArray, rate: float) -> BoolArray:

@@ -70,6 +70,11 @@ def _run(command: Command, options: Options) -> int:
         if isinstance(error, OSError) and error.filename and error.strerror:
             text = f"{error.filename}: {error.strerror}"
             text += suggest_path(os.fsdecode(error.filename)) * (error.errno == errno.ENOENT)
+            if error.strerror == os.strerror(errno.EISDIR):  # of a file that is read
+                from mograft.cli.files import describe_folder  # takes long to import
+
+                name = os.fsdecode(error.filename)
+                text = f"{name} {describe_folder(name)}"
         elif isinstance(error, MemoryError):
             text = f"out of memory: {text}" if text else "out of memory"
         elif type(error) is ValueError:

@@ -312,7 +312,8 @@ def check_combinations(options: GraftOptions) -> None:
     for name, others in _CONFLICTS.items():
         for other in others:
             if name in names and other in names:
-                raise UsageError(f"--{names[other]} cannot be combined with --{names[name]}")
+                hint = ", whose clips --among selects" if other == "base" else ""
+                raise UsageError(f"--{names[other]} cannot be combined with --{names[name]}{hint}")
 
 
 def read_scenario(library: Library, options: GraftOptions) -> IntArray | Scenario | None:

@@ -2,6 +2,7 @@
 
 import glob
 import os
+import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.values import Range, resolve_frames
 from mograft.errors import join_names
 from mograft.io.formats import split_address
-from mograft.library.discover import FoundClip, exclude_grafts, find_clips
+from mograft.library.discover import FoundClip, exclude_grafts, find_clips, scan_folder
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 
@@ -36,13 +37,29 @@ def expand_folders(names: Iterable[str], *, include_grafts: bool = True) -> list
         if not (os.path.exists(split_address(name)[0]) or glob.has_magic(name)):
             clips.append(FoundClip(name))  # reading it raises the error, after other checks
             continue
-        if _is_library(name):
-            raise ValueError(
-                f"{name} is a library; expected motion files (mograft lib info describes a library)"
-            )
+        refuse_library(name)
         clips += find_clips(name)
     kept = clips if include_grafts else exclude_grafts(clips)
     return [str(clip.source) for clip in kept]
+
+
+def refuse_library(name: str) -> None:
+    """Raise ValueError if a file of a command is a library."""
+    if is_library(name):
+        raise ValueError(f"{name} {describe_folder(name)}")
+
+
+def describe_folder(name: str) -> str:
+    """Return what a folder is that was given instead of a motion file, and what to give."""
+    if is_library(name):
+        return f"is a library; expected motion files, as mograft lib info {name} --clips lists them"
+    found = scan_folder(name)
+    return f"is a folder; expected one file, such as {found[0]}" if found else "has no motion file"
+
+
+def shell_names(names: Sequence[str]) -> str:
+    """Return the first names as words of a shell."""
+    return join_names([shlex.quote(name) for name in names], 4)
 
 
 def has_folder(files: Iterable[str]) -> bool:
@@ -55,7 +72,7 @@ def library_folder(files: Sequence[str]) -> Path | None:
 
     Raise a UsageError if there is a library and any other file.
     """
-    if not any(_is_library(name) for name in files):
+    if not any(is_library(name) for name in files):
         return None
     if len(files) > 1:
         raise UsageError(
@@ -65,7 +82,8 @@ def library_folder(files: Sequence[str]) -> Path | None:
     return Path(files[0])
 
 
-def _is_library(name: str) -> bool:
+def is_library(name: str | Path) -> bool:
+    """Return whether a path is the folder of a library."""
     return (Path(name) / "manifest.json").is_file()
 
 

@@ -30,7 +30,8 @@ def with_target(options: GraftOptions) -> GraftOptions:
     """
     into, name = options.into, "-o" if options.into is None else "--into"
     if (options.output is None) == (into is None):
-        raise UsageError(f"one of -o and --into is required, got {'both' if into else 'none'}")
+        given = "both" if into else "none; -o out writes to a folder"
+        raise UsageError(f"one of -o and --into is required, got {given}")
     target = options.output if into is None else into
     suffix = target.suffix.lower()
     if into is None:

@@ -33,7 +33,8 @@ def print_result(
 _OPTIONS_OF_NAMES = {
     **{name: (name.lower(),) for name in ("Avoid", "Face", "Reach")},
     "KeepOriginal": ("keep",),
-    "base": ("base", "clip"),
+    "base": ("base", "clip", "query"),
+    "group": ("group", "part"),
     "clips": ("among", "only_from", "not_from"),
     "frame_rates": ("true_rate",),
     "tags": ("tags", "only_tagged", "not_tagged"),
@@ -50,7 +51,7 @@ def with_flags(text: str, options: Options, *, is_advice: bool = False) -> str:
 
     def flag(match: re.Match[str]) -> str:
         name, value = match.groups()
-        is_option = hasattr(options, name)
+        is_option = hasattr(options, name) or name == "groups"  # of the library of find, curate
         return f"--{name} {value}" if is_option else f"--set {name}={value.lower()}"
 
     text = re.sub(r"`(\w+)=([^`]+)`", flag, text)
@@ -60,6 +61,7 @@ def with_flags(text: str, options: Options, *, is_advice: bool = False) -> str:
     for name in set_options | _OPTIONS_OF_NAMES.keys():
         origins = [own for own in _OPTIONS_OF_NAMES.get(name, (name,)) if own in set_options]
         flags = " or ".join(f"--{own.replace('_', '-')}" for own in origins)
+        flags = flags.replace("--query", "CLIP|FILE")  # the only one that is positional
         text = text.replace(f"`{name}`", flags or f"`{name}`")
     return text
 

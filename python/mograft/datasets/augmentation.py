@@ -292,12 +292,17 @@ def augment(
     chosen = select_part(library, split, part, seed)
     n_frames = round(seconds * library.rate)
     wanted = find_matches("bases", bases, library.names)
-    starts = {clip: own for clip, own in _window_starts(library, n_frames).items() if len(own)}
-    clips = [clip for clip in wanted if clip in starts and chosen.clips[clip]]
+    wanted = [clip for clip in wanted if chosen.clips[clip]]
+    spans = _faultless_spans(library)
+    starts = {clip: _window_starts(spans[clip], n_frames) for clip in wanted}
+    clips = [clip for clip in wanted if len(starts[clip])]
+    if not wanted:
+        raise ValueError(f"`bases` must match a clip of the part {chosen.name}, got {bases!r}")
     if not clips:
+        longest = max(stop - start for clip in wanted for start, stop in spans[clip])
         raise ValueError(
-            f"no base clip of {chosen.name} has {n_frames} frames ({seconds:g} s) without faults; "
-            "`seconds` sets the duration"
+            f"`seconds` must be at most {longest / library.rate:.6g}, the longest span without "
+            f"faults of the base clips of {chosen.name}, got {seconds:g}"
         )
     order = _order_bases(library, clips, starts, seed)
     return Augmentation(
@@ -336,21 +341,23 @@ def _key(plan: GraftPlan, donors: DonorSequences, start: int, n_frames: int) -> 
     return b"".join(own[inside].tobytes() for own in donors.values())
 
 
-def _window_starts(library: Library, n_frames: int) -> dict[int, IntArray]:
-    """Return for each clip the first frames of windows that follow each other without faults."""
-    starts: dict[int, IntArray] = {}
-    cut, n_clips = library.segments, len(library.entries)
-    faulty: dict[int, list[tuple[int, int]]] = {}
+def _faultless_spans(library: Library) -> list[list[tuple[int, int]]]:
+    """Return for each clip the spans of frames without faults; the last frame is not included."""
+    cut, first = library.segments, [0] * len(library.entries)
+    spans: list[list[tuple[int, int]]] = [[] for _ in first]
     for segment in np.flatnonzero(~library.is_donor).tolist():
-        span = int(cut.start[segment]), int(cut.stop[segment])
-        faulty.setdefault(int(cut.clip[segment]), []).append(span)
-    for clip in range(n_clips):
-        end, first, found = library.entries[clip].n_frames, 0, list[int]()
-        for low, high in [*faulty.get(clip, []), (end, end)]:
-            found += range(first, low - n_frames + 1, n_frames)
-            first = high + 1
-        starts[clip] = np.array(found, np.int64)
-    return starts
+        clip = int(cut.clip[segment])
+        spans[clip].append((first[clip], int(cut.start[segment])))
+        first[clip] = int(cut.stop[segment]) + 1
+    for clip, entry in enumerate(library.entries):
+        spans[clip].append((first[clip], entry.n_frames))
+    return spans
+
+
+def _window_starts(spans: Sequence[tuple[int, int]], n_frames: int) -> IntArray:
+    """Return the first frames of windows that follow each other within spans."""
+    found = [frame for low, high in spans for frame in range(low, high - n_frames + 1, n_frames)]
+    return np.array(found, np.int64)
 
 
 def _order_bases(

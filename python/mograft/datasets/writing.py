@@ -32,6 +32,7 @@ SCHEMA = "mograft.dataset/1"
 MANIFEST = "manifest.json"
 
 _MAX_PENDING_JOBS = 16
+_HASHED = ("library", "bases")  # entries of requests
 _PARTS = ".provenance"
 """Folder of the provenance of each shard, until the table is complete."""
 
@@ -144,6 +145,19 @@ def _request(windows: Augmentation, count: int, format_: str) -> dict[str, Any]:
     }
 
 
+def _describe_change(name: str, before: Any, value: Any, rate: float) -> str:  # noqa: ANN401 - JSON
+    """Return which argument differs from that of a data set, and how if it is a number or word."""
+    if isinstance(before, dict):
+        fields = [field for field in value if before.get(field) != value[field]]
+        return _describe_change(fields[0], before.get(fields[0]), value[fields[0]], rate)
+    if name == "frames":
+        name = "seconds"
+        before, value = (f"{n / rate:.6g}" for n in (before, value))
+    if name in _HASHED or isinstance(value, list):
+        return f"another `{name}`"
+    return f"`{name}` {before}, not {value}"
+
+
 def _find_state(folder: Path, request: dict[str, Any]) -> tuple[_State, bool]:
     """Return the state of the whole shards in a folder, and whether the data set is complete."""
     path = folder / MANIFEST
@@ -155,12 +169,14 @@ def _find_state(folder: Path, request: dict[str, Any]) -> tuple[_State, bool]:
     document = read_document(path)
     if document.get("schema") != SCHEMA:
         raise ValueError(f"{path}: expected a manifest of {SCHEMA}, got {document.get('schema')}")
-    for name, value in request.items():
-        if document["request"].get(name) != value:
-            raise ValueError(
-                f"{folder} holds a data set with other options ({name}): use the options with "
-                "which it was begun, or choose another folder"
-            )
+    known = document["request"]
+    if other := [name for name, value in request.items() if known.get(name) != value]:
+        name = min(other, key=_HASHED.__contains__)  # other options change the hashes, too
+        change = _describe_change(name, known.get(name), request[name], request["rate"])
+        raise ValueError(
+            f"{folder} holds a data set with {change}; use the options with which it was begun, "
+            "or choose another folder"
+        )
     state = _State(**document["state"], features=document["features"])
     for shard in document["shards"]:
         damaged = [own for own in shard["files"] if not _is_whole(folder, own)]

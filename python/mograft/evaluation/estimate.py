@@ -17,7 +17,7 @@ from mograft._util.extras import import_extra
 
 BLOCK_SEGMENTS = 10  # neighbouring segments in one block: a few seconds of motion
 MIN_CLIPS_AS_BLOCKS = 10  # from this number of clips on, each clip is one block
-MIN_BLOCKS = 5  # number of blocks below which no interval is computed
+MIN_BLOCKS = 10  # number of blocks below which no interval is computed
 _N_RESAMPLES = 2000
 _MIN_FINITE_SHARE = 0.9  # share of the resamples that must have a finite value for an interval
 
@@ -133,7 +133,7 @@ def bootstrap_estimate(
 
     `statistic` maps the number of times that each block is drawn, shape (n_resamples, n_blocks),
     to one value per resample. Values that are not finite are ignored. The ends of the interval are
-    NaN with fewer than 5 blocks, or if 10 % of the values or more are not finite.
+    NaN with fewer than 10 blocks, or if 10 % of the values or more are not finite.
     Source: Künsch, Annals of Statistics 17 (1989).
     """
     low = high = math.nan

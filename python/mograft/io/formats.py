@@ -113,14 +113,16 @@ def find_format(path: Path) -> Format:
     """Return the format of a file.
 
     It is the result of `recognize_format`. If this is None, it is the last of the formats with the
-    suffix of the file; if no format has the suffix, it is BVH. The reader of the format then raises
-    an error that states the first invalid content. Raises OSError if the file cannot be read.
+    suffix of the file, whose reader then raises an error that states the first invalid content.
+    Raises `FormatError` if no format has the suffix, and OSError if the file cannot be read.
     """
     found = recognize_format(path)
     if found is not None:
         return found
     by_suffix = [form for form in FORMATS if path.suffix.lower() in form.suffixes]
-    return by_suffix[-1] if by_suffix else _BVH
+    if not by_suffix:
+        raise FormatError(f"expected a motion file ({', '.join(SUFFIXES)}), got another kind", path)
+    return by_suffix[-1]
 
 
 def recognize_format(path: Path) -> Format | None:

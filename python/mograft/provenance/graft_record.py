@@ -13,7 +13,7 @@ from mograft.body.groups import JointGroups
 from mograft.config import Config
 from mograft.errors import DAMAGE, LibraryError, ProvenanceError, join_names
 from mograft.io.bvh.writer import check_digits
-from mograft.io.formats import find_format, join_address, open_clips, read_clip, split_address
+from mograft.io.formats import join_address, open_clips, read_clip, recognize_format, split_address
 from mograft.library import discover, origin
 from mograft.library.clip_table import skeleton_from_json
 from mograft.library.ingest_run import IngestOptions
@@ -78,7 +78,8 @@ def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
         return _parse(source, "document", Path())
     path, name = split_address(fspath(source))
     file = Path(path)
-    if find_format(file).name not in ("glTF", "NPZ"):
+    form = recognize_format(file)
+    if form is None or form.name not in ("glTF", "NPZ"):
         is_motion = file.suffix.lower() != ".json" and discover.has_provenance(file)
         return _read_beside(file.with_suffix(".json") if is_motion else file)[0]
     grafts = open_clips(path).grafts

@@ -199,6 +199,9 @@ def find_violations(
             frames = (int(poses.frames[start]), int(poses.frames[stop - 1]))
             description = constraint.describe_error(error, poses.height)
             joint = "" if index < 0 else poses.skeleton.names[index]
+            if joint:
+                place = ",".join(f"{x:.4g}" for x in poses.positions[at, index])
+                description += f"; the joint is at {place}"
             worst = int(poses.frames[at])
             found.append(build_violation(constraint, frames, error, description, worst, joint))
     return found

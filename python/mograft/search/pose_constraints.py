@@ -377,6 +377,23 @@ def with_captured_depth(constraints: Sequence[Constraint], captured: Poses) -> l
     ]
 
 
+def anchor_reaches(constraints: Sequence[Constraint], motion: Motion) -> list[Constraint]:
+    """Return the constraints; a `Reach` relative to its own joint gets a position in the world.
+
+    It is relative to the place of the joint in `motion`, at the first frame of the `Reach`.
+    """
+    return [
+        replace(own, target=tuple(own.targets(motion)[0].tolist()))
+        if isinstance(own, Reach)
+        and isinstance(own.target, FigurePosition)
+        and find_joint(motion.skeleton, own.target.part, is_part=True)
+        == find_joint(motion.skeleton, own.joint)
+        and (own.frames or (0,))[0] < motion.n_frames
+        else own
+        for own in constraints
+    ]
+
+
 def _capsules_of(capsules: Capsules, joints: BoolArray | None) -> IntArray:
     """Return the indices of the capsules of the joints in a mask; None means all joints."""
     return np.flatnonzero(np.ones(len(capsules)) if joints is None else joints[capsules.joints])

@@ -2,6 +2,7 @@
 
 import base64
 import io
+import warnings
 import zlib
 from pathlib import Path
 from typing import Any
@@ -302,6 +303,8 @@ def find_characters(
             character = read_character(source, skeleton)
         except (FormatError, OSError, *DAMAGE) as error:
             reasons.append(f"Figures are capsules, not the mesh of {source.name}: {error}.")
+            if given is not None:
+                warnings.warn(reasons[-1], stacklevel=2)
             continue
         if character is not None:
             found[skeleton.names] = len(characters)

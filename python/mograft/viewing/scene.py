@@ -12,7 +12,8 @@ from mograft._util.arrays import IntArray
 from mograft.analysis.segmentation import segment
 from mograft.body.groups import JointGroups
 from mograft.config import Config
-from mograft.io.formats import find_addresses, read_clip, split_address
+from mograft.errors import FormatError
+from mograft.io.formats import find_addresses, find_format, read_clip, split_address
 from mograft.io.gltf.document import read_gltf_file
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -87,6 +88,8 @@ class Scene:
     def with_character(self, path: Path | None) -> "Scene":
         """Return the scene with the mesh of a glTF file for all figures of its joints."""
         if path is not None:
+            if find_format(path).name != "glTF":
+                raise FormatError("expected a glTF file (.glb, .gltf) with a mesh", path)
             read_gltf_file(path)  # Raises an error if the file is invalid or has no joints.
         return replace(self, character=path)
 

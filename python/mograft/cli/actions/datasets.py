@@ -9,7 +9,7 @@ import numpy as np
 from mograft._util.atomic import write_bytes
 from mograft._util.workers import worker_processes
 from mograft.cli import configuration
-from mograft.cli.files import check_suffix, check_writable, frame_range
+from mograft.cli.files import check_suffix, check_writable, frame_range, is_library
 from mograft.cli.graft_files import open_page
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.arguments import UsageError
@@ -109,10 +109,14 @@ _MAX_SHOWN = 11
 def run_find(options: FindOptions) -> int:
     """List the spans of a library that are nearest to a query."""
     if options.query is None and options.text is None:
-        raise UsageError("expected QUERY and LIB, or LIB and --text; got neither QUERY nor --text")
+        raise UsageError(
+            f"expected a clip or file before LIB, or --text WORDS; got only {options.library}"
+        )
     for name in options.given("frames", "part"):
         if options.query is None:
-            raise UsageError(f"--{name} requires QUERY")
+            raise UsageError(f"--{name} requires a clip or file before LIB")
+    if options.query is not None and is_library(options.query) > is_library(options.library):
+        raise UsageError(f"LIB comes last: mograft find {options.library} {options.query}")
     if options.output is not None:
         check_suffix(options.output, ".html", ".htm")
         check_writable([options.output], force=options.force)
@@ -124,7 +128,9 @@ def run_find(options: FindOptions) -> int:
     hits = find(
         library, query, frames=frames, part=options.part, text=options.text, top=options.top
     )
-    lines = [_describe_hit(hit, library.rate) for hit in hits] or ["no span was found"]
+    lines = [_describe_hit(hit, library.rate) for hit in hits] or [
+        "no span was found" if options.text is None else f"no clip has the words {options.text!r}"
+    ]
     if options.output is not None or options.open:
         path = options.output or temporary_path()
         first = [] if query is None or frames is None else [(query, *frames)]

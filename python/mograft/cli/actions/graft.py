@@ -33,7 +33,8 @@ from mograft.provenance.writing import MOTION_SUFFIXES, write_graft
 from mograft.search.candidates import count_combinations
 from mograft.search.constraints import Constraint
 from mograft.search.donor_constraints import KeepOriginal
-from mograft.synthesis.advice import advise, find_remedies
+from mograft.search.pose_constraints import anchor_reaches
+from mograft.synthesis.advice import advise, find_reach_remedies, find_remedies
 from mograft.synthesis.graft import graft_many, kept_violations, repair
 from mograft.synthesis.graft_result import Graft, Substitution
 from mograft.synthesis.newness import newness
@@ -55,8 +56,8 @@ _ALLOWED = (*_EDITS, *_OUTPUTS, "verbose", "files", "from_")
 
 _KEPT_VIOLATIONS = (
     "joints that are not exchanged violate constraints, and no donor can remove these violations; "
-    "no motion was written; choose another --base, exchange their group (--swap), place the "
-    "obstacle or target elsewhere, or give --best-effort"
+    "no motion was written; place the obstacle or target elsewhere, choose another --base, or "
+    "write it all the same with --best-effort"
 )
 
 
@@ -87,12 +88,17 @@ def run(options: GraftOptions) -> int:
         library = configuration.load_library(replace(options, files=sources), strict=strict)
         if library.refused:  # the first file may be one of them
             paths, page = graft_files.output_paths(options, library.names[0], sources, suffix)
+    if options.model and library.skeleton.hinges is None:
+        raise UsageError(f"--model requires motions of a robot, such as .csv; got {first}")
     constraints = configuration.read_constraints(options, library.rate)
     if options.change:
         constraints.append(KeepOriginal())
     if options.mirror:
         library = library.with_mirror_images()
     base = _find_base(library, options.base, folder)
+    if options.scenario == "original":
+        whole, clip = library.resolve_base(base)
+        constraints = anchor_reaches(constraints, whole.clips[clip])
     # The base motion of a scenario does not exist yet.
     if options.scenario == "original" and not options.best_effort:
         kept = kept_violations(library, base, constraints=constraints, swap=options.swap)
@@ -118,6 +124,9 @@ def _check_options(options: GraftOptions) -> None:
     """Raise a UsageError if options without ``--from`` contradict each other."""
     if not options.files:
         raise UsageError("expected LIB or FILE")
+    for name in options.files:
+        if name.endswith(".json"):
+            raise UsageError(f"{name} is no motion file; --from {name} makes a graft again")
     if options.distinct > 180.0:
         raise UsageError(f"--distinct must be at most 180, got {options.distinct:g}")
     configuration.check_combinations(options)
@@ -131,10 +140,14 @@ def _run_replay(options: GraftOptions) -> int:
     for field, name in options.changed().items():
         if field not in (*options.origins, *allowed):
             raise UsageError(
-                f"--{name} cannot be combined with --from, which makes a graft again; "
-                "--change, --take, --ban and --keep change parts of it"
+                f"--{name} cannot be combined with --from, which makes a graft again: leave out "
+                "one of them; --change, --take, --ban and --keep change parts of it"
             )
     source, path = options.from_ or "", options.output
+    if os.path.isdir(source):
+        raise UsageError(
+            f"--from must be the .json of a graft or FILE.glb#NAME, got the folder {source}"
+        )
     record = read_record(source)
     paths = [path] * options.count
     if path.suffix.lower() not in MOTION_SUFFIXES:
@@ -169,7 +182,7 @@ def _run_replay(options: GraftOptions) -> int:
 def _edit(graft: Graft, options: GraftOptions) -> list[Graft]:
     """Return the versions of a graft with the edits and changes that the options describe."""
     rate = graft.base.rate
-    edits = configuration.read_constraints(options, rate)
+    edits = anchor_reaches(configuration.read_constraints(options, rate), graft.motion)
     edited = graft
     if edits:
         edited = edit(graft, *edits, seed=options.seed)
@@ -289,7 +302,8 @@ def _are_refused(grafts: Sequence[Graft], options: GraftOptions) -> bool:
         warning = f"warning: {counts} violate the constraints; all {len(grafts)} are written"
         print_remark("\n".join([*messages, warning]))
     elif violating:
-        remedies = [] if options.from_ else find_remedies(violating[0])
+        first = violating[0]
+        remedies = find_remedies(first) if not options.from_ else find_reach_remedies(first)
         text = "; ".join(
             [
                 f"{counts} violate the constraints, because no donor sequence satisfies them",

@@ -7,7 +7,7 @@ from typing import Any
 from mograft._util.workers import worker_processes
 from mograft.cli import configuration
 from mograft.cli.actions.live import relay
-from mograft.cli.files import check_suffix, check_writable
+from mograft.cli.files import check_suffix, check_writable, refuse_library
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax import commands
 from mograft.cli.syntax.arguments import UsageError
@@ -24,6 +24,8 @@ from mograft.stream.session import PROTOCOL
 def run_index(options: commands.IndexOptions) -> int:
     """Create a library, or add files to one."""
     check_suffix(options.output, is_folder=True)
+    for name in options.files:
+        refuse_library(name)
     if options.add:
         fixed = (*configuration.FIXED_OPTIONS, "variety", "rate", "set", "force")
         configuration.refuse_fixed_options(options, *fixed)
@@ -156,8 +158,10 @@ def run_export(options: commands.TablesOptions) -> int:
 def run_stream(options: commands.StreamOptions) -> int:
     """Run the command until it is interrupted."""
     ways = (options.port, options.socket, options.vmc_in)
-    if (options.vmc is None) != (options.vmc_in is None):
-        raise UsageError("--vmc and --vmc-in require each other")
+    if options.vmc is None and options.vmc_in is not None:
+        raise UsageError("--vmc-in requires --vmc")
+    if options.vmc is not None and options.vmc_in is None:
+        raise UsageError("--vmc requires --vmc-in: clients of --port receive the new motion")
     if (n := sum(own is not None for own in ways)) != 1:
         raise UsageError(f"one of --port, --socket and --vmc-in is required, got {n or 'none'}")
     library = configuration.load_library(options)

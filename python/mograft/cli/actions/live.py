@@ -9,6 +9,7 @@ from contextlib import closing, contextmanager
 
 from mograft._util.signals import clean_up_by
 from mograft.cli.configuration import selected_skeleton
+from mograft.cli.files import shell_names
 from mograft.cli.output import print_remark, print_result, write_control
 from mograft.cli.syntax.commands import PlayOptions, StreamOptions
 from mograft.errors import join_names
@@ -23,7 +24,8 @@ def run_play(options: PlayOptions) -> int:
     """Send a motion over VMC until it ends or the command is interrupted."""
     addresses = [own for name in options.files for own in find_addresses(name)]
     if len(addresses) != 1:
-        raise ValueError(f"play sends one motion, got {join_names(addresses)}")
+        n, names = len(addresses), shell_names(addresses)
+        raise ValueError(f"play sends one motion, got {n}: give one of {names}")
     motion = read_clip(addresses[0], skeleton=selected_skeleton(options))
     target, figure = _text(options.vmc), Figure(motion)
     if not options.json:

@@ -8,6 +8,10 @@ from typing import Any
 from mograft._util.arrays import IntArray
 from mograft._util.atomic import write_text
 from mograft._util.names import automatic_number, is_automatic
+from mograft._util.runs import find_runs
+from mograft.body.anatomy import anatomy
+from mograft.body.capsules import Poses
+from mograft.body.contacts import Ground, foot_skate, sliding_feet
 from mograft.body.faults import HARMLESS_FAULTS, find_faults
 from mograft.body.groups import JointGroups
 from mograft.body.loops import is_loop
@@ -24,7 +28,10 @@ from mograft.io.formats import find_format, join_address, open_clips, read_clip,
 from mograft.library.build import discover_groups
 from mograft.library.discover import scan_folder
 from mograft.library.spec import describe_match
+from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+from mograft.search.constraints import find_violations
+from mograft.search.pose_constraints import AvoidSelf
 
 
 def run_info(options: InfoOptions) -> int:
@@ -79,6 +86,7 @@ def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
     size = {"joints": skeleton.n_joints, "channels": skeleton.n_channels, "frames": motion.n_frames}
     time = {"frame_time": motion.frame_time, "rate": motion.rate, "seconds": motion.duration}
     time["loop"] = is_loop(motion)
+    size["person"] = "arms" in members and not anatomy(skeleton).joints("tail")
     groups = {g: [skeleton.names[j] for j in joints] for g, joints in members.items()}
     is_complete = options.verbose or options.json
     shown = [f for f in find_faults(motion) if is_complete or f.kind not in HARMLESS_FAULTS]
@@ -95,6 +103,8 @@ def _describe(clips: Sequence[dict[str, Any]]) -> list[str]:
     lines = [f"  {group}: {' '.join(names)}" for group, names in first["groups"].items()]
     if not lines:
         lines = ["  no joint groups recognized: use --groups auto, or a TOML file of your own"]
+    elif not first["person"]:
+        lines.append("  not recognized as a person: no arms, or a tail")
     lines += [f"  note: {note}" for note in first["notes"]]
     if first.get("match"):
         lines.append(f"  joints matched by anatomy: {first['match']}")
@@ -125,7 +135,7 @@ def run_check(options: CheckOptions) -> int:
     skeletons: dict[str, Skeleton] = {}
     n_good = n_invalid = 0
     for name in expand_folders(options.files):
-        document = _check_file(name, rest, skeletons, strict=options.strict)
+        document = _check_file(name, rest, skeletons, options)
         documents.append(document)
         if options.json:
             continue
@@ -139,6 +149,7 @@ def run_check(options: CheckOptions) -> int:
             for fault in document["faults"]
             if options.verbose or fault["kind"] not in HARMLESS_FAULTS
         ]
+        lines += document.get("contacts", [])
         n_good += all(fault["kind"] in HARMLESS_FAULTS for fault in document["faults"])
         print("\n  ".join([f"{name}: {'' if lines else 'good'}".rstrip(), *lines]))
         if document["robot"]:
@@ -155,12 +166,12 @@ def run_check(options: CheckOptions) -> int:
 
 
 def _check_file(
-    name: str, rest: Skeleton | None, skeletons: dict[str, Skeleton], *, strict: bool
+    name: str, rest: Skeleton | None, skeletons: dict[str, Skeleton], options: CheckOptions
 ) -> dict[str, Any]:
     """Return the faults of a file, and add its skeleton to `skeletons`."""
     try:
         is_bvh = find_format(Path(split_address(name)[0])).name == "BVH"
-        motion = read_bvh(name, strict=strict) if is_bvh else read_clip(name, skeleton=rest)
+        motion = read_bvh(name, strict=options.strict) if is_bvh else read_clip(name, skeleton=rest)
     except FormatError as error:
         return {"file": name, "error": str(error), "repairs": [], "faults": [], "robot": {}}
     skeletons[name] = motion.skeleton
@@ -172,7 +183,23 @@ def _check_file(
         faults.append({"kind": fault.kind, **place, "message": fault.message})
     robot = robot_checks(motion) if motion.skeleton.hinges is not None else {}
     found = {"repairs": list(motion.repairs), "faults": faults, "robot": robot}
+    if options.contacts:
+        found["contacts"] = _describe_contacts(motion)
     return {"file": name, "error": None, **found}
+
+
+def _describe_contacts(motion: Motion) -> list[str]:
+    """Return how much the feet slide, and the frames in which hands are in the body."""
+    sliding = sliding_feet(motion, Ground.of(motion))
+    runs = find_runs(sliding.sum(axis=1) > 0).tolist()
+    first, last = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
+    longest = f", longest in frames {first} to {last}" if runs else ""
+    lines = [f"feet slide in {foot_skate(motion):.1%} of the steps{longest}"]
+    for own in find_violations([AvoidSelf()], Poses.from_motion(motion)):
+        depth = f"{own.error * AvoidSelf.tolerance:.3f} heights at frame {own.worst}"
+        frames = "{} to {}".format(*own.frames)
+        lines.append(f"{own.joint} is in the body in frames {frames}, {depth}")
+    return lines if lines[1:] else [*lines, "no hand or forearm is in the body"]
 
 
 def _describe_fault(fault: dict[str, Any]) -> str:

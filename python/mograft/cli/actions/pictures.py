@@ -75,7 +75,7 @@ def run_view(options: ViewOptions) -> int:
         files.check_writable([options.output], force=options.force, inputs=options.files)
     folder = files.library_folder(options.files)
     if options.clip and folder is None:
-        raise UsageError("--clip requires a library")
+        raise UsageError("--clip requires a library; of files, give FILE or FILE#CLIP")
     if folder is None:
         sources = files.expand_folders(options.files)
         groups, config, skeleton = configuration.figure_settings(options, sources)
@@ -204,7 +204,10 @@ def _single_motion(
         groups, config, skeleton = configuration.figure_settings(options, sources)
         motions = [read_clip(file, skeleton=skeleton) for file in sources]
     if len(motions) != 1:
-        raise ValueError(f"{options.kind} shows exactly one motion, got {len(motions)}")
+        names = [own.name for own in motions] if folder is not None else sources
+        way = f"{'give one' if folder is None else 'select one by --clip'} of"
+        shown = files.shell_names(names)
+        raise ValueError(f"{options.kind} shows one motion, got {len(names)}: {way} {shown}")
     return motions[0], groups, config
 
 
@@ -218,7 +221,10 @@ def run_export(options: ExportOptions) -> int:
     if ending not in _ENDINGS:
         raise UsageError(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
     if len(sources) > 1 and ending not in _ENDINGS_OF_SEVERAL:
-        raise UsageError(f"-o {target.name} can contain only one motion, got {len(sources)} files")
+        raise UsageError(
+            f"-o {target.name} can contain only one motion, got {len(sources)}: give one of "
+            f"{files.shell_names(sources)}"
+        )
     configuration.refuse_useless_options(options, _ENDINGS_OF_OPTION, ending)
     files.check_writable([target], force=options.force, inputs=sources)
     groups, _, skeleton = configuration.figure_settings(options, sources)
@@ -239,6 +245,8 @@ def run_export(options: ExportOptions) -> int:
             if ending == ".bvh":
                 write_bvh(motions[0], target, digits=options.digits)
             elif options.tracker is not None:
+                if motions[0].skeleton.hinges is None:
+                    raise ValueError(f"--tracker needs a robot, given by --model; got {sources[0]}")
                 write_tracker(motions[0], target, tracker=options.tracker)
             elif options.like is not None:
                 write_amass(motions[0], target, like=options.like)

@@ -9,6 +9,7 @@ from typing import Any
 from mograft._util.documents import read_document
 from mograft._util.extras import import_extra
 from mograft._util.signals import clean_up_by
+from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import StudioOptions
@@ -22,6 +23,9 @@ _FOLDER = Path("studio")
 
 def run_studio(options: StudioOptions) -> int:
     """Run the command until it is interrupted."""
+    if options.output is not None:
+        check_suffix(options.output, is_folder=True)
+        check_writable([options.output / "project.json"], force=True)
     for name in options.files:
         path = Path(split_address(name)[0])
         if not path.exists():

@@ -32,6 +32,7 @@ class CheckOptions(options.SkeletonOptions):
     """Check the syntax of motion files, and list faults of the recordings."""
 
     strict: bool = setting("treat every deviation from the BVH format as an error")
+    contacts: bool = option("also measure how feet slide, and where hands are in the body")
 
 
 class GroupsOptions(options.SkeletonOptions, options.WriterOptions):

@@ -116,10 +116,11 @@ class PlaceOptions(Options, section="where the hands go"):
     """Options for places that the body must reach, face or avoid."""
 
     reach: tuple[values.Reach, ...] = option(
-        "position of a joint in a frame",
-        details="or in all frames to LAST, within TOL skeleton heights "
+        "position of a joint, also relative to a @PART",
+        details="in a frame or in all frames to LAST, within TOL skeleton heights "
         f"(default: {values.REACH_TOLERANCE}); 120:LeftHand:@chest+0,0.1,0.4 is relative to the "
-        "chest: in skeleton heights to the left of the figure, up and forward; may be repeated",
+        "chest, @LeftHand+0,0.1,0 to the present place of the hand: in skeleton heights to the "
+        "left of the figure, up and forward; may be repeated",
     )
     avoid: tuple[values.Avoid, ...] = option(
         "obstacle, such as sphere:X,Y,Z,RADIUS",

@@ -212,9 +212,11 @@ def file_rate(text: str) -> tuple[str, float]:
 
 def preset(text: str, more: str = "") -> str:
     """Parse the name of a preset of joint groups, ``auto`` or ``auto:N``."""
-    fitting = next((name for name in PRESETS if text in name.split("_")), None)
+    members = text.split(",")
+    fitting = next((name for name in PRESETS if {*members} <= {*name.split("_")}), None)
     if fitting is not None:
-        raise ArgumentTypeError(f"{text} is one group: use --groups {fitting} --swap {text}")
+        kind = "is one group" if len(members) == 1 else "are groups"
+        raise ArgumentTypeError(f"{text} {kind}: use --groups {fitting} --swap {text}")
     if not is_automatic(text):
         return one_of((*PRESETS, AUTOMATIC), more)(text)
     try:

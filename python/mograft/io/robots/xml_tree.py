@@ -85,6 +85,8 @@ def read_xml(path: Path) -> XmlElement:
         parser.Parse(data, True)  # noqa: FBT003 - the end of the file
     except (expat.ExpatError, LookupError) as error:
         raise FormatError(
-            f"expected XML: {error}", path, f"line {parser.CurrentLineNumber}"
+            f"expected XML of a robot (MJCF, URDF): {error}",
+            path,
+            f"line {parser.CurrentLineNumber}",
         ) from None
     return top.children[0]

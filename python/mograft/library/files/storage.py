@@ -85,11 +85,14 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     try:
         document = parse_document((folder / MANIFEST).read_text(encoding="utf-8"))
     except NotADirectoryError as error:
-        raise LibraryError(f"{folder} is not a mograft library: it is a file") from error
+        raise LibraryError(
+            f"{folder} is not a mograft library: it is a file; mograft info describes motion "
+            f"files, mograft index {folder} -o {folder.with_suffix('.mograft')} makes a library"
+        ) from error
     except FileNotFoundError as error:
         raise LibraryError(
             f"{folder} is not a mograft library: it has no {MANIFEST}; "
-            f"mograft index CLIPS -o {folder.with_suffix('.mograft')} makes one of motion files"
+            f"mograft index {folder} -o {folder.with_suffix('.mograft')} makes one of motion files"
         ) from error
     except ValueError as error:
         raise damage(folder, f"{MANIFEST} is not valid JSON: {error}") from error

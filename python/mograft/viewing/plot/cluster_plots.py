@@ -10,7 +10,7 @@ from mograft._standalone.mograft_linkage.dendrogram import leaves_list
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.embedding import Embedding
 from mograft.analysis.group_discovery import GroupDiscovery
-from mograft.errors import suggest_name
+from mograft.body.groups import suggest_groups
 from mograft.io.export_figure import PALETTE
 from mograft.library.library import Library
 from mograft.motion.skeleton import Skeleton
@@ -187,7 +187,7 @@ def group_labels(library: Library, group: str | None) -> tuple[str, IntArray]:
     """
     name = library.groups.base if group is None else group
     if name not in library.labels:
-        hint = suggest_name(name, library.labels)
+        hint = suggest_groups(name, library.labels, is_stored=library.folder is not None)
         raise ValueError(f"`group` must be one of {', '.join(library.labels)}, got {name!r}{hint}")
     return name, library.labels[name]
 
