@@ -119,3 +119,10 @@ def test_robot_table_without_model_is_an_invalid_file(run, walks):
     code, _, err = run("info", walks[1][0])
     assert code == 3
     assert "expected the model of the robot, got none: give --model" in err
+
+
+def test_robot_model_with_a_wrong_name_names_the_nearest_file(run, walks):
+    path, files = walks
+    code, _, err = run("info", files[0], "--model", path.with_name("humanoids.xml"))
+    assert code == 1
+    assert f"No such file or directory; did you mean '{path}'?" in err

@@ -1,5 +1,7 @@
 """Laws of `Hinges.keep`: axes, limits, what stays, continuity."""
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 from mograft import Motion
 from mograft.io.robots.poses import Pose, to_motion
 from mograft.motion import rotations
-from mograft.motion.hinges import Hinges, TableLayout
+from mograft.motion.hinges import Hinges, TableLayout, _nearest_slow
 from mograft.motion.skeleton import Skeleton
 from tests.io.robot_files import smooth_angles
 from tests.strategies import SEEDS, few_examples, smooth_rotations
@@ -85,6 +87,9 @@ def test_hinges_keep_random_rotations_turn_about_axes_within_limits(seed, n_fram
 def test_hinges_keep_motion_on_hinges_is_unchanged_bit_for_bit(seed):
     rng = np.random.default_rng(seed)
     skeleton = random_skeleton(rng)
+    hinges = skeleton.hinges
+    slow = replace(hinges, speeds=rng.choice([1e-3, 1e9], len(hinges.names)))  # exceeded by all
+    skeleton = replace(skeleton, hinges=slow)
     base = motion_on_hinges(skeleton, rng, 20)
     result = kept(skeleton, base.rotations, base.rotations, np.ones(skeleton.n_joints, bool))
     np.testing.assert_array_equal(result, base.rotations)
@@ -111,6 +116,72 @@ def test_hinges_keep_angles_beyond_limits_return_without_jumps_in_velocity(seed,
     assert after <= before + 7 * overshoot / (0.1 * rate) ** 2
     is_far = np.abs(time[:, 0]) > 0.3 * np.sqrt(np.log(1 + 2 * overshoot)) + 0.2 + 2 / rate
     np.testing.assert_allclose(result[is_far], angles[is_far], atol=1e-14)
+
+
+@few_examples(30)
+@given(seed=SEEDS, share=st.floats(0.1, 1.0), is_fast=st.booleans())
+def test_hinges_keep_speeds_stay_within_limits_or_those_of_the_base(seed, share, is_fast):
+    rng, n_frames = np.random.default_rng(seed), 80
+    skeleton = random_skeleton(rng)
+    base = motion_on_hinges(skeleton, rng, n_frames)
+    given_angles = skeleton.hinges.angles(base.rotations)
+    quats = base.rotations.copy()
+    turned = smooth_rotations(rng, n_frames, skeleton.n_joints)
+    quats[:, 1:] = turned[:, 1:]
+    everything = np.ones(skeleton.n_joints, bool)
+    free = skeleton.hinges.angles(kept(skeleton, quats, base.rotations, everything))
+    fastest = np.abs(np.diff(np.concatenate([free, given_angles]), axis=0)).max(axis=0) * RATE
+    hinges = replace(skeleton.hinges, speeds=share * fastest)
+    limited = replace(skeleton, hinges=hinges)
+    if is_fast:
+        base = replace(base, skeleton=limited)
+    else:
+        base = Motion(limited, base.frame_time, base.rotations[[0] * n_frames], base.positions)
+    result = kept(limited, quats, base.rotations, everything)
+    assert off_axis(hinges, result) <= 1e-9
+    angles, given_angles = hinges.angles(result), hinges.angles(base.rotations)
+    steps = np.abs(np.diff(given_angles, axis=0)).max(axis=0)
+    assert (np.abs(np.diff(angles, axis=0)) <= np.maximum(hinges.speeds / RATE, steps) + 1e-9).all()
+    low = np.minimum(hinges.limits[:, 0], given_angles.min(axis=0))
+    assert (angles >= low - 1e-9).all()
+
+
+@few_examples(30)
+@given(seed=SEEDS, step=st.floats(0.01, 2.0))
+def test_nearest_slow_no_curve_of_the_same_speed_is_nearer(seed, step):
+    """Two angles k frames apart that differ by d force one of them to move by (d - k step) / 2."""
+    angles = np.random.default_rng(seed).normal(size=60).cumsum()
+    slow = _nearest_slow(angles, step)
+    assert np.abs(np.diff(slow)).max() <= step + 1e-9
+    frames = np.arange(60)
+    apart = step * np.abs(frames[:, None] - frames)
+    least = 0.5 * (np.abs(angles[:, None] - angles) - apart).max()
+    assert np.abs(slow - angles).max() <= max(least, 0.0) + 1e-9
+    np.testing.assert_array_equal(_nearest_slow(slow, step + 1e-9), slow)
+
+
+@few_examples(15)
+@given(seed=SEEDS, share=st.floats(0.2, 0.9))
+def test_hinges_keep_limited_speed_does_not_jump_and_far_frames_stay(seed, share):
+    """At a high frame rate, a jump of the speed would make a far larger acceleration."""
+    rng, rate, n_frames = np.random.default_rng(seed), 2000.0, 4000
+    skeleton = random_skeleton(rng)
+    n = len(skeleton.hinges.names)
+    hinges = replace(skeleton.hinges, limits=np.tile([-3.0, 3.0], (n, 1)))
+    time = np.arange(n_frames)[:, None] / rate - 1.0
+    angles = np.tanh(time / 0.1) * np.ones(n)
+    limit = share * 10.0
+    hinges = replace(hinges, speeds=np.full(n, limit))
+    still = np.tile(rotations.IDENTITY, (n_frames, skeleton.n_joints, 1))
+    quats = still.copy()
+    quats[:, hinges.joints] = hinges.rotations(angles)
+    moved = np.ones(skeleton.n_joints, bool)
+    result = hinges.angles(hinges.keep(skeleton.parents, quats, still, moved, rate))
+    assert np.abs(np.diff(result, axis=0)).max() * rate <= limit * (1 + 1e-6)
+    before, after = (np.abs(np.diff(own, 2, axis=0)).max() for own in (angles, result))
+    assert after <= before + 2e-2 * limit / rate
+    is_far = np.abs(time[:, 0]) > 1.0 / limit + 0.6
+    np.testing.assert_allclose(result[is_far], angles[is_far], atol=1e-9)
 
 
 @few_examples(30)

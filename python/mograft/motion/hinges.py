@@ -16,7 +16,7 @@ _ON_AXIS = 1e-12
 """Length of the part of a quaternion across the axis up to which it counts as rounding."""
 
 _EASING_SECONDS = 0.1
-"""Seconds within which the correction of an angle beyond its limits rises and falls."""
+"""Seconds within which the correction of an angle or speed beyond its limits rises and falls."""
 
 
 @dataclass(frozen=True)
@@ -133,8 +133,8 @@ class Hinges:
         """Return rotations with which hinges turn about their axes only, within their limits.
 
         What a joint turns about other axes is passed on to the hinge after it, if there is only
-        one: the three hinges of a shoulder or waist together follow a rotation. The angles may
-        exceed the limits as far as those of `base` do.
+        one: the three hinges of a shoulder or waist together follow a rotation. Angles and speeds
+        may exceed their limits as far as those of `base` do.
 
         Parameters
         ----------
@@ -144,7 +144,7 @@ class Hinges:
             Local rotations; those of the motion that was changed.
         moved : ndarray of bool, shape (n_joints,)
             The joints that may be changed. Rotations on the axis and within limits are kept bit for
-            bit, except within 0.2 s of an angle beyond its limits.
+            bit, except within 0.2 s of frames that are changed to keep the limits.
         rate : float
             Frames per second.
         """
@@ -168,18 +168,25 @@ class Hinges:
     def _within_limits(
         self, quats: FloatArray, base: FloatArray, moved: BoolArray, rate: float
     ) -> FloatArray:
-        """Return rotations whose angles are within the limits, or as far beyond as `base`."""
+        """Return rotations that keep the limits as well as `base` does."""
         angles, given = self.angles(quats), self.angles(base)
+        steps = np.abs(np.diff(given, axis=0)).max(axis=0, initial=0.0)
+        pace = (len(given) - 1) / max(len(angles) - 1, 1)  # frames of `base` in a frame
+        steps = np.maximum(self.speeds / rate, pace * steps)
         lowest = np.minimum(self.limits[:, 0], given.min(axis=0))
         highest = np.maximum(self.limits[:, 1], given.max(axis=0))
         width = max(round(_EASING_SECONDS * rate), 1)
         for number in np.flatnonzero(moved[self.joints]).tolist():
             own, low, high = angles[:, number], lowest[number], highest[number]
             above, below = np.maximum(own - high, 0.0), np.maximum(low - own, 0.0)
-            if max(above.max(), below.max()) <= _ON_AXIS:
+            changed, step = own, steps[number] + _ON_AXIS
+            if max(above.max(), below.max()) > _ON_AXIS:
+                change = _ease(below, width) - _ease(above, width)
+                changed = np.clip(own + change, low, high)
+            if np.abs(np.diff(changed)).max(initial=0.0) > step:
+                changed = _slow_down(changed, step, width)
+            if changed is own:
                 continue
-            change = _ease(below, width) - _ease(above, width)
-            changed = np.clip(own + change, low, high)
             turned = _turns(self.axes[number], changed)
             joint = self.joints[number]
             turned *= np.where((turned * quats[:, joint]).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
@@ -221,5 +228,37 @@ def _ease(excess: FloatArray, width: int) -> FloatArray:
     """
     window = 2 * width + 1
     views = np.lib.stride_tricks.sliding_window_view(np.pad(excess, 2 * width, mode="edge"), window)
-    weights = np.hanning(window + 2)[1:-1]
-    return np.convolve(views.max(axis=1), weights / weights.sum(), mode="valid")
+    return _average(views.max(axis=1), width)
+
+
+def _average(values: FloatArray, width: int) -> FloatArray:
+    """Return averages within `width` frames by a Hann window, without the ends of `values`."""
+    weights = np.hanning(2 * width + 3)[1:-1]
+    return np.convolve(values, weights / weights.sum(), mode="valid")
+
+
+def _slow_down(angles: FloatArray, step: float, width: int) -> FloatArray:
+    """Return angles, (n_frames,), that change by at most `step` between frames.
+
+    Those near changed ones are averages, so that the speed does not jump.
+    """
+    slow = _nearest_slow(angles, step)
+    share = np.minimum(_ease((slow != angles).astype(float), width), 1.0)
+    smooth = _average(np.pad(slow, width, mode="edge"), width)
+    return _nearest_slow(angles + share * (smooth - angles), step)
+
+
+def _nearest_slow(angles: FloatArray, step: float) -> FloatArray:
+    """Return the nearest curve to `angles` that changes by at most `step` between frames.
+
+    It is the mean of the highest such curve below the angles and the lowest one above them
+    (McShane, "Extension of range of functions", 1934).
+    """
+    ramp = step * np.arange(len(angles))
+
+    def below(values: FloatArray) -> FloatArray:
+        ahead = np.minimum.accumulate((values + ramp)[::-1])[::-1] - ramp
+        return np.minimum(np.minimum.accumulate(values - ramp) + ramp, ahead)
+
+    slow = 0.5 * (below(angles) - below(-angles))
+    return np.where(np.abs(slow - angles) > _ON_AXIS, slow, angles)

@@ -182,7 +182,7 @@ def read_bones(messages: Sequence[Message]) -> tuple[dict[str, Place], float | N
 
 def _to_unity(turns: FloatArray, points: FloatArray) -> FloatArray:
     """Return positions and rotations in left-handed axes, shape (n, 7)."""
-    return _MIRROR * np.concatenate([points, turns], axis=1)
+    return _MIRROR * np.concatenate([points, turns], axis=1) + 0.0  # -0 becomes 0
 
 
 def _messages(time: float, places: Mapping[str, Sequence[float]]) -> Iterator[Message]:

@@ -158,8 +158,10 @@ def run_export(options: commands.TablesOptions) -> int:
 def run_stream(options: commands.StreamOptions) -> int:
     """Run the command until it is interrupted."""
     ways = (options.port, options.socket, options.vmc_in)
-    if (options.vmc is None) != (options.vmc_in is None):
-        raise UsageError("--vmc and --vmc-in require each other")
+    if options.vmc is None and options.vmc_in is not None:
+        raise UsageError("--vmc-in requires --vmc")
+    if options.vmc is not None and options.vmc_in is None:
+        raise UsageError("--vmc requires --vmc-in: clients of --port receive the new motion")
     if (n := sum(own is not None for own in ways)) != 1:
         raise UsageError(f"one of --port, --socket and --vmc-in is required, got {n or 'none'}")
     library = configuration.load_library(options)
