@@ -328,6 +328,25 @@ def test_read_usd_wrong_content_raises_format_error(tmp_path, joints, moved, key
         mg.read(path)[0]
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        ('"Hips/Spine"', '"Hips/Spine-ulder"'),
+        ("timeCodesPerSecond = ", "timeCodesPerSecond = " + "4" * 60),
+    ],
+)
+def test_usd_warnings_are_not_printed_beside_our_error(change, tmp_path, capfd):
+    path = tmp_path / "a.usda"
+    write_usd(dance(strides=1).motion[:5], path)
+    text = path.read_text(encoding="utf-8")
+    old, new = change
+    assert old in text
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    with contextlib.suppress(mg.FormatError):
+        mg.read(path)[0]
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.parametrize("content", [b"#usda 1.0\n(", b"PXR-USDC" + bytes(80), b"PK\3\4", b""])
 def test_read_usd_damaged_file_raises_format_error(tmp_path, content):
     for ending in (".usd", ".usda", ".usdc", ".usdz"):

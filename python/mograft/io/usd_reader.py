@@ -101,9 +101,13 @@ def open_usd(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
 
 @contextmanager
 def _usd_errors(path: Path) -> Iterator[None]:
-    """Convert the errors of usd-core, which may occur at any access, to `FormatError`."""
-    from pxr import Tf
+    """Convert the errors of usd-core, which may occur at any access, to `FormatError`.
 
+    Its warnings are not printed.
+    """
+    from pxr import Tf, UsdUtils
+
+    warnings = UsdUtils.CoalescingDiagnosticDelegate()  # receives them while it exists
     try:
         yield
     except FormatError:
@@ -111,6 +115,8 @@ def _usd_errors(path: Path) -> Iterator[None]:
     except (Tf.ErrorException, *_VALUE_ERRORS) as error:
         reason = (usd_reasons(error) or [type(error).__name__])[-1]
         raise FormatError(f"expected a USD file: {reason}", path) from error
+    finally:
+        del warnings
 
 
 def _open_stage(path: Path) -> Any:  # noqa: ANN401 - pxr has no types
