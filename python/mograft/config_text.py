@@ -27,6 +27,8 @@ def parse_fields(assignments: Iterable[tuple[str, str]]) -> dict[str, Any]:
     for name, text in assignments:
         if name not in _TYPES:
             hint = suggest_name(name, _TYPES) or f", one of {', '.join(_TYPES)}"
+            if name == "variety":
+                hint = "; `variety` sets `sigma_scale`: use `--variety` or `Config.with_variety`"
             raise ValueError(f"{name!r} is no field of Config{hint}")
         values[name] = _parse(_TYPES[name], text)
     return values

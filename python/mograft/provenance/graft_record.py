@@ -121,7 +121,9 @@ def _load(text: str | bytes, label: str) -> Any:  # noqa: ANN401 - of JSON
     try:
         return parse_document(text)
     except ValueError as error:
-        raise ProvenanceError(f"{label}: not a JSON document: {error}") from None
+        raise ProvenanceError(
+            f"{label}: expected the JSON file that is written beside a new motion: {error}"
+        ) from None
 
 
 def _parse(

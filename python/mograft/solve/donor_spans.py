@@ -69,7 +69,8 @@ class ChangedPart:
                     return cls(group, replace(spec, joints=groups[name], held={}))
         raise ValueError(
             f"`group` must be an exchanged group, one of {join_names(list(problem.pools))}, or a "
-            f"body part within one; got {name!r}{suggest_name(name, names)}"
+            f"body part within one (the group {problem.library.groups.base!r} keeps its motion); "
+            f"got {name!r}{suggest_name(name, names)}"
         )
 
 

@@ -245,7 +245,10 @@ def run_export(options: ExportOptions) -> int:
                 write_bvh(motions[0], target, digits=options.digits)
             elif options.tracker is not None:
                 if motions[0].skeleton.hinges is None:
-                    raise ValueError(f"--tracker needs a robot, given by --model; got {sources[0]}")
+                    raise ValueError(
+                        "--tracker needs a robot, given by --model (its MJCF or URDF file), and a "
+                        f"motion of its joints; got {sources[0]}"
+                    )
                 write_tracker(motions[0], target, tracker=options.tracker)
             elif options.like is not None:
                 write_amass(motions[0], target, like=options.like)

@@ -276,7 +276,7 @@ def _numbers(text: str, *forms: str) -> tuple[float, ...]:
 
 
 def _point(text: str) -> Point:
-    x, y, z = _numbers(text, "X,Y,Z")
+    x, y, z = _numbers(text, "a point X,Y,Z")
     return x, y, z
 
 
