@@ -364,7 +364,7 @@ def test_graft_from_moves_a_hand_from_where_it_is_and_keeps_all_donors(run, succ
     reach = ["--from", "old.json", "--reach", "100:LeftHand:@LeftHand+0,0.15,0", "-o", "new.bvh"]
     code, _, err = run("graft", *reach, "--set", "reach_ik=0")
     assert code == 4
-    assert "--set reach_ik=1 bends the arm or leg farther; --best-effort" in err.splitlines()[-1]
+    assert "--set reach_ik=1 bends an arm or leg farther; --best-effort" in err.splitlines()[-1]
     err = succeed("graft", *reach, "--set", "reach_ik=1")[1]
     assert "instead of" not in err
     old, new = read_bvh("old.bvh"), read_bvh("new.bvh")

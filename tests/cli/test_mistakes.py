@@ -21,11 +21,11 @@ MISTAKES = [
     ("graft a.bvh -o x --reach 9:LeftHnd:0,90,0", RUNTIME, "'LeftHnd'; did you mean 'LeftHand'?"),
     ("graft lib -o x --base walkk", RUNTIME, "got 'walkk'; did you mean 'walk'?"),
     ("graft a.bvh -o x --swap arms", RUNTIME, "--swap must name groups other than the base group "
-     "'lower', got 'arms': choose from upper; --groups lower_torso_arms has the groups lower, "
-     "torso, arms"),
+     "'lower', got 'arms': choose from upper; --groups lower_torso_arms, of files or of a new "
+     "library, has the groups lower, torso, arms"),
     ("candidates a.bvh --segment 1 --group larm", RUNTIME, "got 'larm'; --groups "
-     "lower_torso_larm_rarm has the groups lower, torso, larm, rarm"),
-    ("graft a.bvh -o x --groups arms", USAGE, "arms is one group: use --groups lower_torso_arms "
+     "lower_torso_larm_rarm, of files or of a new library, has the groups lower, torso, larm,"),
+    ("graft a.bvh -o x --groups arms", USAGE, "arms is no preset: use --groups lower_torso_arms "
      "--swap arms"),
     ("graft a.bvh -o x --reach 9:hand.l:0,90,0", RUNTIME, "no joint is named 'hand.l'; did you "
      "mean 'LeftHand', the same body part?"),
@@ -82,20 +82,20 @@ MISTAKES = [
        ("groups", ""), ("play", " --vmc 127.0.0.1"), ("index", " -o x"))),
     ("play clips --vmc 127.0.0.1", RUNTIME, "clips is a folder; expected one file, such as clips/"),
     ("info empty", RUNTIME, "empty has no motion file"),
-    ("graft --from lib -o x", USAGE, ".json of a graft or FILE.glb#NAME, got the folder lib"),
+    ("graft --from lib -o x", USAGE, "must be .json or FILE.glb#NAME of a graft, got folder lib"),
     ("lib info a.bvh", RUNTIME, "it is a file; mograft info describes motion files, mograft index "
      "a.bvh -o a.mograft makes a library"),
     ("curate a.bvh", RUNTIME, "mograft index a.bvh -o a.mograft makes a library"),
     ("lib info clips", RUNTIME, "mograft index clips -o clips.mograft makes one of motion files"),
     ("find lib walk", USAGE, "LIB comes last: mograft find walk lib"),
     ("find lib a.bvh", USAGE, "LIB comes last: mograft find a.bvh lib"),
-    ("find lib", USAGE, "expected a clip or file before LIB, or --text WORDS; got only lib"),
+    ("find lib", USAGE, "expected a clip or file before lib, or --text WORDS"),
     ("find wlk lib", RUNTIME, "CLIP|FILE must be a clip, one of dance, walk; got 'wlk'; did you"),
-    ("find walk lib --part arms", RUNTIME, "--part must be one of lower, upper, got 'arms'; a "
-     "library that mograft index makes with --groups lower_torso_arms has the groups lower,"),
-    ("curate lib --part arms", RUNTIME, "a library that mograft index makes with --groups"),
-    ("candidates lib --segment 1 --group arms", RUNTIME, "library that mograft index makes with"),
-    ("graft lib -o x --swap arms", RUNTIME, "a library that mograft index makes with --groups"),
+    ("find walk lib --part arms", RUNTIME, "--part must be one of lower, upper, got 'arms'; "
+     "--groups lower_torso_arms, of files or of a new library, has the groups lower,"),
+    ("curate lib --part arms", RUNTIME, "--groups lower_torso_arms, of files or"),
+    ("candidates lib --segment 1 --group arms", RUNTIME, "lower_torso_arms, of files or"),
+    ("graft lib -o x --swap arms", RUNTIME, "--groups lower_torso_arms, of files or"),
     ("info text", INVALID, "text: expected a motion file (.bvh, .glb, .gltf, .fbx, .npz, .csv, "),
     ("graft text -o x", INVALID, "text: expected a motion file (.bvh, .glb, .gltf, .fbx, .npz"),
     ("info zzzzzz.bvh", RUNTIME, "or directory; the folder has a.bvh, b.bvh, broken.bvh"),
@@ -103,21 +103,21 @@ MISTAKES = [
     ("studio clips -o a.bvh", USAGE, "-o must be a folder, got a.bvh"),
     ("studio clips -o text", RUNTIME, "text is a file; expected a folder"),
     ("plot strip clips -o x.png", RUNTIME, "one motion, got 2: give one of clips/dance.bvh, "),
-    ("plot energy lib -o x.png", RUNTIME, "got 2: select one by --clip of dance, walk"),
+    ("plot energy lib -o x.png", RUNTIME, "got 2: give one by --clip of dance, walk"),
     ("export clips -o x.bvh", USAGE, "only one motion, got 2: give one of clips/dance.bvh,"),
     ("export a.bvh -o x.npz --tracker mjlab", RUNTIME, "--tracker needs a robot, given by --model"),
     ("augment lib -o x -n 2 --seconds 100", RUNTIME, "--seconds must be at most 10, the longest "
      "span without faults of the base clips of all, got 100"),
     ("view a.bvh -o x.html --clip a", USAGE, "--clip requires a library; of files, give FILE or"),
     ("play a.bvh b.bvh --vmc 127.0.0.1", RUNTIME, "got 2: give one of a.bvh, b.bvh"),
-    ("graft n.json -o x", USAGE, "n.json is no motion file; --from n.json makes a graft again"),
+    ("graft n.json -o x", USAGE, "n.json is no motion; --from n.json makes a graft again"),
     ("graft a.bvh -o x --model robot.xml", USAGE, "--model requires motions of a robot, such as"),
     ("graft a.bvh -o x --model a.bvh", INVALID, "line 1: expected XML of a robot (MJCF, URDF):"),
     ("evaluate a.bvh speed", USAGE, "expected a file or one of quality, world, detectability,"),
-    ("graft a.bvh -o x --swap right_arm", RUNTIME, "--groups lower_torso_larm_rarm has the groups"),
-    ("graft a.bvh -o x --groups larm,rarm", USAGE, "larm,rarm are groups: use --groups "
+    ("graft a.bvh -o x --swap right_arm", RUNTIME, "--groups lower_torso_larm_rarm, of files or"),
+    ("graft a.bvh -o x --groups larm,rarm", USAGE, "larm,rarm is no preset: use --groups "
      "lower_torso_larm_rarm --swap larm,rarm"),
-    ("plot pca a.bvh -o x.png --group arms", RUNTIME, "--groups lower_torso_arms has the groups"),
+    ("plot pca a.bvh -o x.png --group arms", RUNTIME, "--groups lower_torso_arms, of files or"),
     # Outputs
     ("graft a.bvh", USAGE, "one of -o and --into is required, got none"),
     ("graft a.bvh -o x --into y.glb", USAGE, "one of -o and --into is required, got both"),
@@ -198,7 +198,7 @@ MISTAKES = [
     # Constraints that nothing satisfies
     ("graft a.bvh -o x --reach 9:LeftHand:0,9999,0", INFEASIBLE, "1 of 1 motions violate the "
      "constraints, because no donor sequence satisfies them; no motion was written; --set "
-     "reach_ik=1 is not enough: place the target nearer to the joint; --only-violations also tries "
+     "reach_ik=1 is not enough: place the target nearer; --only-violations also tries "
      "less similar donors; a target or obstacle elsewhere, or a larger tolerance (~TOL), may help; "
      "--best-effort writes all"),
     ("graft a.bvh -o x --reach 9:LeftHand:@chest+0,0.1,0.3 --set reach_ik=0", INFEASIBLE,

@@ -165,7 +165,7 @@ def test_windows_exclude_faults(takes):
     ("options", "message"),
     [
         ({"seconds": 0.0}, "`seconds`"),
-        ({"seconds": 60.0}, "no base clip of all has 1800 frames"),
+        ({"seconds": 60.0}, "`seconds` must be at most .*, the longest span"),
         ({"min_new": 2.0}, "`min_new`"),
         ({"variants": 0}, "`variants`"),
         ({"bases": "none*"}, "`bases` must match"),
@@ -178,3 +178,12 @@ def test_windows_exclude_faults(takes):
 def test_wrong_options_are_refused(stored, options, message):
     with pytest.raises(ValueError, match=message):
         datasets.augment(stored, **options)
+
+
+def test_refused_duration_names_the_longest_one_that_is_accepted(stored):
+    with pytest.raises(ValueError, match="longest span") as caught:
+        datasets.augment(stored, seconds=60.0)
+    longest = float(str(caught.value).split("at most ")[1].split(",")[0])
+    assert len(datasets.augment(stored, seconds=longest).bases)
+    with pytest.raises(ValueError, match="longest span"):
+        datasets.augment(stored, seconds=longest + 1 / stored.rate)

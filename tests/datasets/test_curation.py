@@ -4,7 +4,6 @@ import csv
 import json
 import re
 import shutil
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft import datasets
 from mograft.cli import main
+from tests.datasets.conftest import executor_of
 from tests.strategies import few_examples
 
 
@@ -70,17 +70,14 @@ def test_dropped_segments_are_within_the_radius_of_choices_in_shards(with_copies
     assert found.curve[-1] == (sum(own.frames for own in found.choices if own.is_kept), 1.0)
 
 
-def test_executors_choose_the_same_clips(stored, takes):
-    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+@pytest.mark.parametrize("workers", ["threads", pytest.param("dask", marks=pytest.mark.thorough)])
+def test_executors_choose_the_same_clips(stored, takes, workers):
     expected = datasets.curate(stored, keep=0.8, shards=3).choices
-    cluster = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
-    )
-    with cluster, distributed.Client(cluster) as client:
-        found = datasets.curate(stored, keep=0.8, shards=3, executor=client.get_executor())
-    assert found.choices == expected
-    with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match="`executor` needs"):
-        datasets.curate(mg.Library.build(takes[:2]), executor=pool)
+    with executor_of(workers) as pool:
+        found = datasets.curate(stored, keep=0.8, shards=3, executor=pool)
+        assert found.choices == expected
+        with pytest.raises(ValueError, match="`executor` needs"):
+            datasets.curate(mg.Library.build(takes[0][:120]), executor=pool)
 
 
 def test_copies_are_dropped(with_copies):

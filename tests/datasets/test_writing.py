@@ -23,6 +23,7 @@ from mograft.cli import main
 from mograft.dancer import dance
 from mograft.datasets import measuring, shards, writing
 from mograft.datasets.augmentation import PROVENANCE
+from tests.datasets.conftest import executor_of
 
 RUN = """
 import sys
@@ -70,14 +71,11 @@ def test_executors_give_the_same_bytes(windows, tmp_path, format_):
     assert sum(shard["windows"] for shard in manifest["shards"]) == 12
 
 
+@pytest.mark.thorough
 def test_dask_gives_the_same_bytes(windows, tmp_path):
-    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
     datasets.write(windows, tmp_path / "one", 12)
-    cluster = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
-    )
-    with cluster, distributed.Client(cluster) as client:
-        datasets.write(windows, tmp_path / "two", 12, executor=client.get_executor())
+    with executor_of("dask") as pool:
+        datasets.write(windows, tmp_path / "two", 12, executor=pool)
     assert contents(tmp_path / "one") == contents(tmp_path / "two")
 
 
@@ -208,35 +206,38 @@ def test_interrupted_calls_are_continued_with_the_same_bytes(windows, tmp_path, 
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGKILL to a group of processes")
-def test_killed_commands_are_continued_with_the_same_bytes(stored, tmp_path):
+@pytest.mark.parametrize("n_kills", [2, pytest.param(30, marks=pytest.mark.thorough)])
+def test_killed_commands_are_continued_with_the_same_bytes(stored, tmp_path, n_kills):
     words = ["augment", str(stored.folder), "-n", "40", "--seconds", "1", "--seed", "2"]
-    assert main([*words, "-o", str(tmp_path / "whole")]) == 0
-    expected, rng = contents(tmp_path / "whole"), random.Random(1)
+    expected, rng = {}, random.Random(1)
     script = [sys.executable, "-c", RUN, *words, "-o", str(tmp_path / "cut"), "-j", "2"]
     begin = time.monotonic()
-    subprocess.run([*script[:-3], str(tmp_path / "timed")], check=True, capture_output=True)
-    seconds = time.monotonic() - begin
-    n_killed = 0
-    for _ in range(30):
+    subprocess.run([*script[:-3], str(tmp_path / "whole")], check=True, capture_output=True)
+    expected, seconds = contents(tmp_path / "whole"), time.monotonic() - begin
+    n_killed, n_resumed, n_whole = 0, 0, 0
+    while n_killed < n_kills or not n_whole:
         resume = ["--resume"] if (tmp_path / "cut").is_dir() else []
+        n_resumed += bool(resume)
         process = subprocess.Popen(
             [*script, *resume],
             start_new_session=True,
             stderr=subprocess.PIPE,
             stdout=subprocess.PIPE,
         )
+        limit = rng.uniform(0.3, 1.0) * seconds if n_killed < n_kills else None
         try:
-            process.communicate(timeout=rng.uniform(0.3, 1.0) * seconds)
-            assert process.returncode == 0
-            break
+            process.communicate(timeout=limit)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             process.communicate()
             n_killed += 1
-    resume = ["--resume"] if (tmp_path / "cut").is_dir() else []
-    subprocess.run([*script, *resume], check=True, capture_output=True)
-    assert n_killed
-    assert contents(tmp_path / "cut") == expected
+            continue
+        assert process.returncode == 0
+        assert contents(tmp_path / "cut") == expected
+        shutil.rmtree(tmp_path / "cut")
+        n_whole += 1
+    print(f"{n_killed} kills, {n_resumed} resumed runs, {n_whole} complete sets")
+    assert n_killed == n_kills
 
 
 def test_folder_of_other_options_is_refused(windows, stored, tmp_path):

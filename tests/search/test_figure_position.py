@@ -43,13 +43,13 @@ def located(motion, part, offset):
     return mc.FigurePosition(part, offset).locate(motion.skeleton, positions, 1)
 
 
-@given(PARTS, OFFSETS, st.integers(0, MOTION.n_frames - 1))
+@given(PARTS | st.just("LeftHand"), OFFSETS, st.integers(0, MOTION.n_frames - 1))
 def test_reach_relative_to_its_own_joint_is_anchored_where_the_joint_is(part, offset, frame):
     own = mc.Reach("LeftHand", mc.FigurePosition(part, offset), frame)
     absolute = mc.Reach("LeftHand", (1.0, 2.0, 3.0), frame)
     anchored, other = anchor_reaches([own, absolute], MOTION)
     assert other is absolute
-    if part == "left hand":
+    if part == "LeftHand":
         assert anchored.target == pytest.approx(tuple(located(MOTION, part, offset)[frame]))
         assert (anchored.joint, anchored.frames) == (own.joint, own.frames)
     else:

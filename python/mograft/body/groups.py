@@ -34,18 +34,15 @@ PRESETS: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def suggest_groups(name: object, groups: Collection[str], *, is_stored: bool = False) -> str:
-    """Return the preset that has the group `name`, or the most similar one of `groups`, as text.
-
-    `is_stored` is whether they are the groups of a library in a folder.
-    """
+def suggest_groups(name: object, groups: Collection[str]) -> str:
+    """Return the preset that has the group `name`, or the most similar one of `groups`, as text."""
     close = suggest_name(name, groups)
     presets = [own for own, members in PRESETS.items() if name in members]
     presets = presets or [own for own, members in PRESETS.items() if suggest_name(name, members)]
     if close or name in groups or not presets:
         return close
-    own = "; a library that mograft index makes with" if is_stored else ";"
-    return f"{own} `groups={presets[0]}` has the groups {', '.join(PRESETS[presets[0]])}"
+    what = f"`groups={presets[0]}`, of files or of a new library,"
+    return f"; {what} has the groups {', '.join(PRESETS[presets[0]])}"
 
 
 _LABELS = {"upper": "upper body", "torso": "torso", "head": "neck or head", "arms": "arms"}

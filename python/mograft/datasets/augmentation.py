@@ -294,7 +294,10 @@ def augment(
     wanted = find_matches("bases", bases, library.names)
     wanted = [clip for clip in wanted if chosen.clips[clip]]
     spans = _faultless_spans(library)
-    starts = {clip: _window_starts(spans[clip], n_frames) for clip in wanted}
+    starts = {
+        clip: [k for low, high in spans[clip] for k in range(low, high - n_frames + 1, n_frames)]
+        for clip in wanted
+    }
     clips = [clip for clip in wanted if len(starts[clip])]
     if not wanted:
         raise ValueError(f"`bases` must match a clip of the part {chosen.name}, got {bases!r}")
@@ -311,7 +314,7 @@ def augment(
         n_frames=n_frames,
         features=names,
         bases=np.array(order),
-        starts=tuple(starts[clip] for clip in order),
+        starts=tuple(np.array(starts[clip]) for clip in order),
         seed=seed,
         variants=variants,
         min_new=float(min_new),
@@ -354,14 +357,8 @@ def _faultless_spans(library: Library) -> list[list[tuple[int, int]]]:
     return spans
 
 
-def _window_starts(spans: Sequence[tuple[int, int]], n_frames: int) -> IntArray:
-    """Return the first frames of windows that follow each other within spans."""
-    found = [frame for low, high in spans for frame in range(low, high - n_frames + 1, n_frames)]
-    return np.array(found, np.int64)
-
-
 def _order_bases(
-    library: Library, clips: Sequence[int], starts: dict[int, IntArray], seed: int
+    library: Library, clips: Sequence[int], starts: dict[int, list[int]], seed: int
 ) -> list[int]:
     """Return base clips in the order of a pass: evenly over sets of tags, long clips rather first.
 

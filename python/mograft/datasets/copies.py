@@ -28,8 +28,9 @@ _N_AXES, _N_CHECKED = 4, 12
 """Principal components by which poses are found, and by which pairs are then excluded."""
 
 _FEWEST_SEGMENTS = 1024  # of which the slower half is not selected
+_LEVEL = 0.5  # of indices, in factors of two of the tolerance
 
-_PAIRS_PER_BATCH = 1 << 14
+_PAIRS_PER_BATCH, _FRAMES_PER_BATCH = 1 << 14, 256
 # Of a spatial hash: Teschner et al. (2003), and one more prime.
 _PRIMES = np.array([73_856_093, 19_349_663, 83_492_791, 50_331_653])
 
@@ -40,12 +41,11 @@ def find_shared_clips(library: Library, ours: BoolArray, others: BoolArray) -> I
     Both are masks of clips. A passage is a whole segment of one of `ours`, with some motion, that
     occurs among the frames of another clip or of its mirror image.
     """
-    index = _SegmentIndex.build(library, np.flatnonzero(ours[library.segments.clip]))
-    if not len(index.segments):
-        return np.zeros(0, np.int64)
+    indices = _SegmentIndex.build(library, np.flatnonzero(ours[library.segments.clip]))
     found = np.zeros(len(library.segments), bool)
-    for quats in _poses(library, np.flatnonzero(others), index.joints):
-        found[index.find(quats)] = True
+    for quats in _poses(library, np.flatnonzero(others), indices[0].joints) if indices else ():
+        for index in indices:
+            found[index.find(quats)] = True
     shared: IntArray = np.unique(library.segments.clip[found])
     return shared
 
@@ -75,7 +75,8 @@ class _SegmentIndex:
     keys: IntArray  # cells of `points`, ascending
 
     @classmethod
-    def build(cls, library: Library, segments: IntArray) -> "_SegmentIndex":
+    def build(cls, library: Library, segments: IntArray) -> "list[_SegmentIndex]":
+        """Return indices of segments of similar tolerances: those of slow ones are the fastest."""
         columns = _compared_columns(library)
         ends, limits = [], []
         for end in ("first", "last"):
@@ -99,19 +100,35 @@ class _SegmentIndex:
         np.minimum.at(slowest, library.segments.clip[segments[moves]], reaches[moves])
         reach = max(reach, float(slowest[np.isfinite(slowest)].max(initial=0.0)))
         kept = np.flatnonzero(moves & (reaches <= reach))
-        features = _features(ends[0][kept])
-        mean = features.mean(axis=0) if len(kept) else np.zeros(features.shape[1])
+        levels = np.ceil(np.log2(reaches[kept] / reaches[kept].min(initial=np.inf)) / _LEVEL)
+        lengths, parts = library.segments.lengths[segments], [*ends, *limits]
+        found = []
+        for level in np.unique(levels):
+            own = kept[levels == level]
+            found.append(
+                cls._of(segments[own], lengths[own], joints, [part[own] for part in parts])
+            )
+        return found
+
+    @classmethod
+    def _of(
+        cls, segments: IntArray, lengths: IntArray, joints: IntArray, parts: list[FloatArray]
+    ) -> "_SegmentIndex":
+        """Return the index of segments; `parts` has the poses at both ends, and their limits."""
+        reach = float(np.sqrt(2.0 * (parts[2] ** 2).sum(axis=1)).max())
+        features = _features(parts[0])
+        mean = features.mean(axis=0)
         axes = np.linalg.eigh((features - mean).T @ (features - mean))[1].T[::-1][:_N_CHECKED]
         points = (features - mean) @ axes.T
         keys = _hash(np.floor(points[:, :_N_AXES] / max(2.0 * reach, 1e-9)))
         order = np.argsort(keys, kind="stable")
-        kept = kept[order]
+        first, last, *limits = (part[order] for part in parts)
         return cls(
-            segments=segments[kept],
-            lengths=library.segments.lengths[segments[kept]],
+            segments=segments[order],
+            lengths=lengths[order],
             joints=joints,
-            ends=(ends[0][kept], ends[1][kept]),
-            limits=(limits[0][kept], limits[1][kept]),
+            ends=(first, last),
+            limits=(limits[0], limits[1]),
             mean=mean,
             axes=axes,
             reach=reach,
@@ -123,22 +140,24 @@ class _SegmentIndex:
         """Return the segments that occur among poses, (n_frames, n_joints, 4), of one clip."""
         points = (_features(quats) - self.mean) @ self.axes.T
         corners = np.floor(points[:, :_N_AXES] / max(2.0 * self.reach, 1e-9) - 0.5)
+        sides = np.array(list(np.ndindex(*(2,) * corners.shape[1])))
         found: list[IntArray] = []
-        for corner in np.ndindex(*(2,) * corners.shape[1]):
-            keys = _hash(corners + corner)
+        for low in range(0, len(quats), _FRAMES_PER_BATCH):
+            batch = corners[low : low + _FRAMES_PER_BATCH]
+            keys = _hash((batch[:, None] + sides).reshape(-1, batch.shape[1]))
             first = np.searchsorted(self.keys, keys, side="left")
             counts = np.searchsorted(self.keys, keys, side="right") - first
-            frames = np.repeat(np.arange(len(quats)), counts)
+            frames = low + np.repeat(np.arange(len(keys)) // len(sides), counts)
             rows = np.arange(len(frames)) + np.repeat(first - (np.cumsum(counts) - counts), counts)
             fits = frames + self.lengths[rows] < len(quats)
             frames, rows = frames[fits], rows[fits]
-            for axes in (slice(_N_AXES), slice(_N_AXES, None)):
+            for axes in (slice(1), slice(1, _N_AXES), slice(_N_AXES, None)):
                 gaps = np.abs(points[frames, axes] - self.points[rows, axes])
                 near = (gaps <= self.reach).all(axis=1)
                 frames, rows = frames[near], rows[near]
             for start in range(0, len(rows), _PAIRS_PER_BATCH):
-                batch = slice(start, start + _PAIRS_PER_BATCH)
-                found.append(self._verify(quats, frames[batch], rows[batch]))
+                pairs = slice(start, start + _PAIRS_PER_BATCH)
+                found.append(self._verify(quats, frames[pairs], rows[pairs]))
         return self.segments[np.concatenate(found)] if found else np.zeros(0, np.int64)
 
     def _verify(self, quats: FloatArray, frames: IntArray, rows: IntArray) -> IntArray:

@@ -147,14 +147,11 @@ def _request(windows: Augmentation, count: int, format_: str) -> dict[str, Any]:
 
 def _describe_change(name: str, before: Any, value: Any, rate: float) -> str:  # noqa: ANN401 - JSON
     """Return which argument differs from that of a data set, and how if it is a number or word."""
-    if isinstance(before, dict):
-        fields = [field for field in value if before.get(field) != value[field]]
-        return _describe_change(fields[0], before.get(fields[0]), value[fields[0]], rate)
     if name == "frames":
         name = "seconds"
         before, value = (f"{n / rate:.6g}" for n in (before, value))
-    if name in _HASHED or isinstance(value, list):
-        return f"another `{name}`"
+    if name in _HASHED or isinstance(value, list | dict):
+        return f"another {'--set or --variety' if name == 'config' else f'`{name}`'}"
     return f"`{name}` {before}, not {value}"
 
 

@@ -176,7 +176,7 @@ class LibraryData:
         """Return the joints of a group, ascending."""
         if group not in self._members:
             names = ", ".join(self._members)
-            hint = suggest_groups(group, self._members, is_stored=self.folder is not None)
+            hint = suggest_groups(group, self._members)
             raise ValueError(f"`group` must be one of {names}, got {group!r}{hint}")
         return self._members[group].copy()
 

@@ -386,8 +386,7 @@ def anchor_reaches(constraints: Sequence[Constraint], motion: Motion) -> list[Co
         replace(own, target=tuple(own.targets(motion)[0].tolist()))
         if isinstance(own, Reach)
         and isinstance(own.target, FigurePosition)
-        and find_joint(motion.skeleton, own.target.part, is_part=True)
-        == find_joint(motion.skeleton, own.joint)
+        and own.target.part == own.joint
         and (own.frames or (0,))[0] < motion.n_frames
         else own
         for own in constraints

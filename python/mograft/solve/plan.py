@@ -147,11 +147,9 @@ def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
     wanted = others if swap is None else list(swap)
     for name in wanted:
         if name not in others:
-            is_stored = library.folder is not None
-            hint = suggest_groups(name, [base, *others], is_stored=is_stored)
             raise ValueError(
                 f"`swap` must name groups other than the base group {base!r}, got {name!r}: "
-                f"choose from {', '.join(others)}{hint}"
+                f"choose from {', '.join(others)}{suggest_groups(name, [base, *others])}"
             )
     if not wanted:
         raise ValueError(f"`swap` must name at least one of {', '.join(others)}; got none")

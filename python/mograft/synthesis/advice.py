@@ -89,8 +89,7 @@ def find_remedies(graft: Graft) -> list[str]:
         names = ("constraints", "swap", "scenario")
         arguments = {name: getattr(request, name) for name in names}
         trial = make_graft(longer, request.base, seed=graft.seed, **arguments)
-        far = "is not enough: place the target nearer to the joint"
-        result = far if trial.violations else "satisfies them"
+        result = "is not enough: place the target nearer" if trial.violations else "satisfies them"
         remedies.append(f"`reach_ik=1` {result}")
     if request.scenario is None and any(own.is_on_poses for own in violated):
         remedies.append("`only_violations` also tries less similar donors")
@@ -103,13 +102,6 @@ def find_remedies(graft: Graft) -> list[str]:
         name = "`variety`" if is_usual else "value"
         remedies.append(f"{small}a larger {name} allows less similar donors")
     return remedies
-
-
-def find_reach_remedies(graft: Graft) -> list[str]:
-    """Return what helps if an edit of a graft violates a `Reach`; nothing is tried."""
-    is_reach = any(isinstance(own.constraint, Reach) for own in graft.violations)
-    is_limited = is_reach and graft.library.config.reach_ik < 1.0
-    return ["`reach_ik=1` bends the arm or leg farther"] * is_limited
 
 
 def _cause_of_no_exchange(graft: Graft) -> str:

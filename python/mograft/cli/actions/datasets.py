@@ -109,9 +109,7 @@ _MAX_SHOWN = 11
 def run_find(options: FindOptions) -> int:
     """List the spans of a library that are nearest to a query."""
     if options.query is None and options.text is None:
-        raise UsageError(
-            f"expected a clip or file before LIB, or --text WORDS; got only {options.library}"
-        )
+        raise UsageError(f"expected a clip or file before {options.library}, or --text WORDS")
     for name in options.given("frames", "part"):
         if options.query is None:
             raise UsageError(f"--{name} requires a clip or file before LIB")
@@ -128,9 +126,7 @@ def run_find(options: FindOptions) -> int:
     hits = find(
         library, query, frames=frames, part=options.part, text=options.text, top=options.top
     )
-    lines = [_describe_hit(hit, library.rate) for hit in hits] or [
-        "no span was found" if options.text is None else f"no clip has the words {options.text!r}"
-    ]
+    lines = [_describe_hit(hit, library.rate) for hit in hits] or ["no span was found"]
     if options.output is not None or options.open:
         path = options.output or temporary_path()
         first = [] if query is None or frames is None else [(query, *frames)]

@@ -22,8 +22,7 @@ def run(options: EvaluateOptions) -> int:
     words = [name for name in options.files if name in _WORDS and not Path(name).exists()]
     files = tuple(name for name in options.files if name not in words)
     for name in files:
-        hint = suggest_name(name, _WORDS)
-        if not Path(name).exists() and (hint or not Path(name).suffix):
+        if not Path(name).exists() and ((hint := suggest_name(name, _WORDS)) or "." not in name):
             raise UsageError(f"expected a file or one of {', '.join(_WORDS)}; got {name}{hint}")
     if not files:
         raise UsageError("expected one library or at least one motion file, got none")

@@ -34,7 +34,7 @@ from mograft.search.candidates import count_combinations
 from mograft.search.constraints import Constraint
 from mograft.search.donor_constraints import KeepOriginal
 from mograft.search.pose_constraints import anchor_reaches
-from mograft.synthesis.advice import advise, find_reach_remedies, find_remedies
+from mograft.synthesis.advice import advise, find_remedies
 from mograft.synthesis.graft import graft_many, kept_violations, repair
 from mograft.synthesis.graft_result import Graft, Substitution
 from mograft.synthesis.newness import newness
@@ -124,9 +124,8 @@ def _check_options(options: GraftOptions) -> None:
     """Raise a UsageError if options without ``--from`` contradict each other."""
     if not options.files:
         raise UsageError("expected LIB or FILE")
-    for name in options.files:
-        if name.endswith(".json"):
-            raise UsageError(f"{name} is no motion file; --from {name} makes a graft again")
+    if records := [name for name in options.files if name.endswith(".json")]:
+        raise UsageError(f"{records[0]} is no motion; --from {records[0]} makes a graft again")
     if options.distinct > 180.0:
         raise UsageError(f"--distinct must be at most 180, got {options.distinct:g}")
     configuration.check_combinations(options)
@@ -145,9 +144,7 @@ def _run_replay(options: GraftOptions) -> int:
             )
     source, path = options.from_ or "", options.output
     if os.path.isdir(source):
-        raise UsageError(
-            f"--from must be the .json of a graft or FILE.glb#NAME, got the folder {source}"
-        )
+        raise UsageError(f"--from must be .json or FILE.glb#NAME of a graft, got folder {source}")
     record = read_record(source)
     paths = [path] * options.count
     if path.suffix.lower() not in MOTION_SUFFIXES:
@@ -302,8 +299,8 @@ def _are_refused(grafts: Sequence[Graft], options: GraftOptions) -> bool:
         warning = f"warning: {counts} violate the constraints; all {len(grafts)} are written"
         print_remark("\n".join([*messages, warning]))
     elif violating:
-        first = violating[0]
-        remedies = find_remedies(first) if not options.from_ else find_reach_remedies(first)
+        bend = ["`reach_ik=1` bends an arm or leg farther"] * bool(options.reach)
+        remedies = bend if options.from_ else find_remedies(violating[0])
         text = "; ".join(
             [
                 f"{counts} violate the constraints, because no donor sequence satisfies them",

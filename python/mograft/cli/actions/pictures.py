@@ -204,10 +204,9 @@ def _single_motion(
         groups, config, skeleton = configuration.figure_settings(options, sources)
         motions = [read_clip(file, skeleton=skeleton) for file in sources]
     if len(motions) != 1:
-        names = [own.name for own in motions] if folder is not None else sources
-        way = f"{'give one' if folder is None else 'select one by --clip'} of"
-        shown = files.shell_names(names)
-        raise ValueError(f"{options.kind} shows one motion, got {len(names)}: {way} {shown}")
+        names = sources if folder is None else [own.name for own in motions]
+        way = f"give one{'' if folder is None else ' by --clip'} of {files.shell_names(names)}"
+        raise ValueError(f"{options.kind} shows one motion, got {len(names)}: {way}")
     return motions[0], groups, config
 
 

@@ -206,7 +206,7 @@ class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.Writ
     """
 
     files: tuple[values.Source, ...] = positional(
-        "motion file; several for a film, and for a .glb if they have the same skeleton", "+"
+        "motion file or FILE#CLIP; several for a film, or for a .glb of one skeleton", "+"
     )
     output: values.File = option("file to write", short="-o", is_required=True)
     frames: values.Frames | None = option("frames, or times as 3s-4s, to write (default: all)")

@@ -69,7 +69,8 @@ class FieldOptions(ResultOptions, section="how different"):
 
     set: tuple[values.Assignment, ...] = setting(
         "another field of the configuration",
-        details="such as seam=offset; may be repeated; docs/settings.md lists the fields",
+        details="such as seam_blend=0.6 (seconds that a seam blends), reach_ik=1 (a whole arm) or "
+        "loop=on; may be repeated; docs/settings.md lists the fields",
     )
     configured: tuple[tuple[str, str], ...] = ()
     """Fields and values of ``set`` in the configuration file and the environment."""

@@ -215,8 +215,7 @@ def preset(text: str, more: str = "") -> str:
     members = text.split(",")
     fitting = next((name for name in PRESETS if {*members} <= {*name.split("_")}), None)
     if fitting is not None:
-        kind = "is one group" if len(members) == 1 else "are groups"
-        raise ArgumentTypeError(f"{text} {kind}: use --groups {fitting} --swap {text}")
+        raise ArgumentTypeError(f"{text} is no preset: use --groups {fitting} --swap {text}")
     if not is_automatic(text):
         return one_of((*PRESETS, AUTOMATIC), more)(text)
     try:

@@ -187,7 +187,7 @@ def group_labels(library: Library, group: str | None) -> tuple[str, IntArray]:
     """
     name = library.groups.base if group is None else group
     if name not in library.labels:
-        hint = suggest_groups(name, library.labels, is_stored=library.folder is not None)
+        hint = suggest_groups(name, library.labels)
         raise ValueError(f"`group` must be one of {', '.join(library.labels)}, got {name!r}{hint}")
     return name, library.labels[name]
 
