@@ -15,7 +15,7 @@ import mograft as mg
 
 RATE = 30.0  # segments of the paper have 7.3 frames on average, as those at this rate do
 MIN_FRAMES = 30  # shorter clips have too few segments
-QUICK_FRAMES = 1800
+QUICK_FRAMES = 1200
 ARCHIVE = "bandai_all.tar.xz"
 
 

@@ -40,6 +40,8 @@ def spread(table):
     A column of estimates becomes up to five: value, `low` and `high` of its interval, `n`, and
     `share` for a share in brackets behind them. A dash becomes empty, and a unit goes to the title.
     """
+    if not table.rows:
+        return list(table.head), []
     columns = []
     for title, cells in zip(table.head, zip(*table.rows, strict=True), strict=True):
         found = [_CELL.fullmatch(cell.strip()) for cell in cells]

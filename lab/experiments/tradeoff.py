@@ -44,7 +44,7 @@ MIN_BLOCKS = 10
 MIN_CHANGE = np.radians(1.0)
 DEFAULT = ("balls", mg.Config().sigma_scale)
 SCALES = (0.25, 0.5, 0.75, 1.0, 1.5)
-QUICK_SETTINGS = (("balls", 0.75), ("noise", 4.0))
+QUICK_SETTINGS = (("balls", 0.75), ("noise", 2.0), ("noise", 16.0))
 
 
 def settings():

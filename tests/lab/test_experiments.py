@@ -176,6 +176,7 @@ def test_spread_divides_estimates_into_columns(tmp_path):
         "share share": "40",
     }
     assert set(second.values()) == {"b", ""}
+    assert tables.spread(tables.Table(("source", "angle"), [])) == (["source", "angle"], [])
 
 
 @given(SEEDS, st.integers(1, 3), st.integers(12, 60))
