@@ -6,6 +6,7 @@ import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft import datasets
 from mograft.cli import main
+from mograft.datasets import curation
 from tests.datasets.conftest import executor_of
 from tests.strategies import few_examples
 
@@ -68,6 +70,25 @@ def test_dropped_segments_are_within_the_radius_of_choices_in_shards(with_copies
         assert own.nearest == pytest.approx(gaps[clips == clip].max(), abs=1e-9)
     assert len(found.curve) == len(found.kept)
     assert found.curve[-1] == (sum(own.frames for own in found.choices if own.is_kept), 1.0)
+
+
+@few_examples(100)
+@given(
+    points=st.lists(st.integers(0, 12), min_size=3, max_size=8),
+    radius=st.integers(2, 6),
+    shards=st.integers(2, 3),
+)
+def test_shards_keep_the_bound_for_any_points(points, radius, shards):
+    entries = [SimpleNamespace(name=str(k), n_frames=9, faults=()) for k in range(len(points))]
+    segments = SimpleNamespace(clip=np.arange(len(points)))
+    library = SimpleNamespace(entries=entries, segments=segments)
+    line = np.array(points, float)[:, None]
+    cover = curation._Cover(library, np.arange(len(points)), line)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(curation._Cover, "of", lambda *_: cover)
+        found = curation._choose(library, None, shards, None, float(radius))
+    kept = line[[own.is_kept for own in found.choices], 0]
+    assert np.abs(line - kept).min(axis=1).max() <= radius
 
 
 @pytest.mark.parametrize("workers", ["threads", pytest.param("dask", marks=pytest.mark.thorough)])
