@@ -63,6 +63,13 @@ def check_export(person, folder):
         assert record["name"] == kept["name"]
 
 
+def check_frames_played(page, first, last):
+    """Check that the frames played are those of a selection."""
+    for _ in range(5):
+        page.wait_for_timeout(150)
+        assert first <= int(page.get_by_label("frame", exact=True).input_value()) <= last
+
+
 def test_story_by_pointer_exports_what_the_command_makes(browser, source, tmp_path):
     path, base = source
     folder = tmp_path / "session"
@@ -109,9 +116,7 @@ def test_story_by_pointer_exports_what_the_command_makes(browser, source, tmp_pa
         person.blocks("upper").nth(2).click()
         person.button("Repeat selection").click()
         person.button("Play").click()
-        for _ in range(5):
-            page.wait_for_timeout(150)
-            assert first <= int(page.get_by_label("frame", exact=True).input_value()) <= last
+        check_frames_played(page, first, last)
         person.button("Pause").click()
 
         page.locator(".card").nth(1).get_by_label("Keep").check()
@@ -153,6 +158,10 @@ def test_story_by_keyboard_alone_exports_what_the_command_makes(browser, source,
         person.until(f"state.motions[1].hash !== '{old}'")
         page.keyboard.press("k")
         (lock,) = person.until("state.motions[1].locks.length")["motions"][1]["locks"]
+        person.press(person.button("Repeat selection"))
+        person.press(person.button("Play"))
+        check_frames_played(page, lock["first"], lock["last"])
+        person.press(person.button("Pause"))
 
         person.tab_to(page.get_by_role("tab", name="Selected part"))
         page.keyboard.press("ArrowRight")
