@@ -47,6 +47,7 @@ COMMANDS = [
         Command("lib export csv", "lib export in/l --format csv -o work/t"),
         Command("lib export npz", "lib export in/l --format npz -o work/t.npz"),
         Command("lib export parquet", "lib export in/l --format parquet -o work/t", "", "pyarrow"),
+        Command("curate", "curate in/l -o work/chosen --keep 50% -q"),
         Command("groups", "groups in/a.bvh -o work/groups.toml"),
         Command("view", "view in/a.bvh -o work/a.html"),
         Command("plot png", "plot strip in/a.bvh -o work/a.png --force", needs="matplotlib"),
