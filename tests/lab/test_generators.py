@@ -148,9 +148,11 @@ def test_subtract_adds_the_variances(first, second, error, other_error):
     assert math.hypot(error, other_error) == error_of(found)
 
 
-def test_pool_missing_interval_leaves_no_interval():
+def test_pool_leaves_out_estimates_without_an_interval_if_others_have_one():
     unknown, missing = (as_estimate(1.0, 0.0) | {"interval": None, "value": v} for v in (1.0, None))
-    assert pool([as_estimate(2.0, 1.0), unknown])["interval"] is None
+    assert pool([as_estimate(2.0, 1.0), unknown]) == pool([as_estimate(2.0, 1.0)])
+    assert pool([unknown])["interval"] is None
+    assert pool([unknown])["value"] == 1.0
     assert pool([as_estimate(2.0, 1.0), missing])["value"] == 2.0
     assert pool([missing])["value"] is None
 
