@@ -19,21 +19,12 @@ intervals resample blocks of five seconds. The row `captured` is captured motion
 import mograft as mg
 from lab.baselines import catalogue
 from lab.experiments.pooling import pool, subtract
-from lab.experiments.sources import DEVELOPMENT, TEST, UNTOUCHED
+from lab.experiments.sources import DEVELOPMENT, SEVERAL, TEST, UNTOUCHED
 from lab.experiments.tables import Table, format_estimate
 from lab.measures import generated_sets
 
 NAME = "generators"
-SOURCES = (
-    "salsa A",
-    "perfume",
-    "indian",
-    "locomotion",
-    "gestures",
-    "everyday",
-    "slow walks",
-    *UNTOUCHED,
-)
+SOURCES = SEVERAL
 MAX_CLIPS = 24
 N_RUNS = 3
 MIN_BLOCKS = 10

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from lab.experiments.pooling import pool, subtract
-from lab.experiments.sources import DEVELOPMENT, TEST, UNTOUCHED
+from lab.experiments.sources import DEVELOPMENT, SEVERAL, TEST, UNTOUCHED
 from lab.experiments.tables import Table, format_estimate
 from mograft import Config, InsufficientDataError
 from mograft.evaluation.detectability import MIN_WINDOWS, block_folds, detect, pair_other_moments
@@ -22,17 +22,7 @@ from mograft.solve.plan import GraftPlan
 from mograft.synthesis.graft_building import build_graft
 
 NAME = "seams"
-SOURCES = (
-    "salsa A",
-    "perfume",
-    "indian",
-    "locomotion",
-    "gestures",
-    "everyday",
-    "slow walks",
-    "acting",
-    *UNTOUCHED,
-)
+SOURCES = (*SEVERAL, "acting")
 MAX_CLIPS = 40
 N_RUNS, N_SPLITS = 4, 2
 MAX_WINDOWS = 1200

@@ -160,6 +160,11 @@ SOURCES = {source.name: source for source in _DEVELOPMENT + _TEST + _UNTOUCHED}
 DEVELOPMENT, TEST, UNTOUCHED = (
     tuple(own.name for own in several) for several in (_DEVELOPMENT, _TEST, _UNTOUCHED)
 )
+SEVERAL = (
+    *("salsa A", "perfume", "indian", "locomotion", "gestures", "everyday", "slow walks"),
+    *UNTOUCHED,
+)
+"""The sources of experiments that take long."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,23 +21,14 @@ import mograft as mg
 from lab.baselines import body_mixing, catalogue
 from lab.donors.donor_methods import RandomLength, grafts_by
 from lab.donors.methods import Nearest
+from lab.experiments.sources import SEVERAL
 from lab.experiments.sources import SOURCES as ALL_SOURCES
-from lab.experiments.sources import UNTOUCHED
 from lab.experiments.tables import Table, format_estimate
 from lab.measures import generated_sets, two_sets
 from mograft import rotations
 
 NAME = "tradeoff"
-SOURCES = (
-    "salsa A",
-    "perfume",
-    "indian",
-    "locomotion",
-    "gestures",
-    "everyday",
-    "slow walks",
-    *UNTOUCHED,
-)
+SOURCES = SEVERAL
 MAX_CLIPS = 12
 N_RUNS = 2
 MIN_BLOCKS = 10
