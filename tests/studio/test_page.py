@@ -562,3 +562,25 @@ def test_previews_stand_still_for_who_wants_less_motion(browser, session):
         assert page.evaluate(count) == 0
         page.get_by_role("button", name="previews").click()
         wait_until(page, f"({count})().then((found) => found > 0)")
+
+
+def test_parts_that_are_listed_for_another_selection_can_not_be_used(browser, session):
+    record = session.project.motion("m1").record
+    with opened(browser, session) as page:
+        until_figure(page)
+        page.locator(".card .preview").first.click()
+        page.locator('.lane[data-group="upper"] .block').nth(1).click()
+        use = page.locator("table.donors tbody:not([aria-busy]) button:enabled", has_text="Use")
+        use.first.wait_for()
+        page.evaluate("""() => {
+          const block = document.querySelectorAll('.lane[data-group="upper"] .block')[2];
+          block.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter", bubbles: true }));
+          document.querySelector("table.donors td:last-child button:enabled").click();
+        }""")
+        use.first.wait_for()
+        page.wait_for_timeout(200)
+        assert session.project.motion("m1").record == record
+        use.first.focus()
+        page.keyboard.press("Enter")
+        page.locator("button:enabled", has_text="Undo").wait_for()
+        assert session.project.motion("m1").record != record

@@ -117,6 +117,7 @@ function ask(isForced = false, wanted = LIMIT) {
   listed = key;
   limit = wanted;
   clearTimeout(timer);
+  parts.donorRows.setAttribute("aria-busy", true); // What is listed belongs to another selection.
   const number = ++asked;
   timer = setTimeout(async () => {
     const body = { id: motion.id, group, first, last, limit, ...varietyOf() };
@@ -134,10 +135,14 @@ function ask(isForced = false, wanted = LIMIT) {
 }
 
 function writeDonors({ donors, total }, focus, lock) {
-  const isFocused = parts.donorRows.contains(document.activeElement);
-  const number = isFocused ? [...parts.donorRows.children].findIndex((own) => own.contains(document.activeElement)) : -1;
+  const [rows, active] = [[...parts.donorRows.children], document.activeElement];
+  const number = rows.findIndex((own) => own.contains(active));
+  const place = [...(rows[number]?.querySelectorAll("button") ?? [])].indexOf(active);
   parts.donorRows.replaceChildren(...donors.map((own) => donorRow(own, focus, lock)));
-  if (number >= 0) parts.donorRows.children[Math.min(number, donors.length - 1)]?.querySelector("button")?.focus();
+  parts.donorRows.removeAttribute("aria-busy");
+  // The button that had the focus keeps it, or the one beside it where it can not be pressed.
+  const buttons = parts.donorRows.children[Math.min(number, donors.length - 1)]?.querySelectorAll("button");
+  for (const own of [0, place]) buttons?.[own]?.focus();
   const allowed = donors.filter(({ refused }) => !refused).length;
   const what = lock ? "Locked: unlock to change." : "Point at one to see it on the figure; Use exchanges it.";
   parts.donorCount.textContent = `${allowed} of ${total} can be used. ${what}`;
@@ -153,7 +158,7 @@ function donorRow(own, focus, lock) {
   const { clip, first, last, refused, isUsed, seamAfter } = own;
   const name = `${clip} ${range(first, last)}`;
   const title = refused ? `Refused: ${refused}` : "Use this part here";
-  const act = () => change("take", { clip, from: first, to: last });
+  const act = () => parts.donorRows.ariaBusy || change("take", { clip, from: first, to: last });
   const take = button("Use", title, act, { "aria-label": `Use ${name}` });
   take.disabled = Boolean(refused) || Boolean(lock) || isUsed;
   const see = button("", "Show in place", () => preview(own), { class: "plain" });
