@@ -83,17 +83,40 @@ def check_features(names: Sequence[str], library: LibraryData) -> tuple[str, ...
     return tuple(dict.fromkeys(names))
 
 
-def compute_features(
-    names: Sequence[str], motion: Motion, starts: Sequence[int], n_frames: int, root: int
-) -> list[dict[str, Array]]:
-    """Return the features of the windows of a motion that begin at the frames `starts`."""
-    windows: list[dict[str, Array]] = [{} for _ in starts]
-    for name in names:
-        feature = FEATURES[name]
-        whole = None if feature.of_window else feature.compute(motion, root)
-        for window, start in zip(windows, starts, strict=True):
-            frames = slice(start, start + n_frames)
-            own = feature.compute(motion[frames], root) if whole is None else whole[frames]
-            kind = np.bool_ if own.dtype == np.bool_ else np.float32
-            window[name] = np.ascontiguousarray(own, kind)
-    return windows
+@dataclass(frozen=True, eq=False)
+class FeatureTracks:
+    """The features of a motion, from which windows are cut."""
+
+    names: Sequence[str]
+    root: int
+    tracks: dict[str, Array]  # those of all frames
+    motion: Motion | None  # for features that are computed for each window
+
+    @classmethod
+    def of(cls, names: Sequence[str], motion: Motion, root: int) -> "FeatureTracks":
+        """Return the features of a motion; the arrays are those of windows."""
+        whole = [name for name in names if not FEATURES[name].of_window]
+        tracks = {name: _as_stored(FEATURES[name].compute(motion, root)) for name in whole}
+        return cls(names, root, tracks, motion if len(whole) < len(names) else None)
+
+    @property
+    def n_bytes(self) -> int:
+        """Size in memory."""
+        own = 0 if self.motion is None else self.motion.rotations.nbytes * 2
+        return own + sum(track.nbytes for track in self.tracks.values())
+
+    def window(self, start: int, n_frames: int) -> dict[str, Array]:
+        """Return the features of the window that begins at a frame, in arrays of its own."""
+        frames = slice(start, start + n_frames)
+        window = {}
+        for name in self.names:
+            if name in self.tracks:
+                window[name] = self.tracks[name][frames].copy()
+            else:
+                assert self.motion is not None
+                window[name] = _as_stored(FEATURES[name].compute(self.motion[frames], self.root))
+        return window
+
+
+def _as_stored(track: Array) -> Array:
+    return np.ascontiguousarray(track, np.bool_ if track.dtype == np.bool_ else np.float32)

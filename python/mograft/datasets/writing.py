@@ -136,6 +136,7 @@ def _request(windows: Augmentation, count: int, format_: str) -> dict[str, Any]:
         "bases": hashlib.sha256(members).hexdigest(),
         "rate": library.rate,
         "frames": windows.n_frames,
+        "stride": windows.stride,
         "features": list(windows.features),
         "joints": list(library.skeleton.names),
         "seed": windows.seed,
@@ -147,8 +148,8 @@ def _request(windows: Augmentation, count: int, format_: str) -> dict[str, Any]:
 
 def _describe_change(name: str, before: Any, value: Any, rate: float) -> str:  # noqa: ANN401 - JSON
     """Return which argument differs from that of a data set, and how if it is a number or word."""
-    if name == "frames":
-        name = "seconds"
+    if name in ("frames", "stride") and before is not None:
+        name = "seconds" if name == "frames" else name
         before, value = (f"{n / rate:.6g}" for n in (before, value))
     if name in _HASHED or isinstance(value, list | dict):
         return f"another {'--set or --variety' if name == 'config' else f'`{name}`'}"
