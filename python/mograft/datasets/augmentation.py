@@ -25,7 +25,7 @@ from mograft.synthesis.graft_building import build_graft
 from mograft.synthesis.graft_result import Graft
 from mograft.synthesis.newness import frame_newness
 
-_CACHED_FRAMES = 1 << 14
+_CACHED_FRAMES = 1 << 15
 """Frames of clips that stay in the memory of a process: donors of other bases use them again."""
 
 _MAX_DRAWS = 8  # of which an item takes the first that is new enough
