@@ -13,7 +13,13 @@ from mograft._util.arrays import IntArray
 from mograft._util.containers import LazySequence
 from mograft._util.names import find_matches
 from mograft._util.validate import as_integer, check_type
-from mograft.datasets.features import DEFAULT_FEATURES, Array, FeatureTracks, check_features
+from mograft.datasets.features import (
+    DEFAULT_FEATURES,
+    Array,
+    check_features,
+    compute_tracks,
+    cut_window,
+)
 from mograft.datasets.splits import Part, Split, select_part
 from mograft.library.clip_keys import plain_tags
 from mograft.library.files.stored_clips import StoredClips
@@ -65,7 +71,8 @@ class JobResult(NamedTuple):
 class _Draw(NamedTuple):
     """What items need of a graft."""
 
-    features: FeatureTracks
+    tracks: dict[str, Array]
+    motion: Motion | None  # for features that are computed for each window
     n_new: IntArray  # of the frames before each frame, (n_frames + 1,)
     n_bytes: int
 
@@ -139,16 +146,17 @@ class Augmentation(LazySequence[dict[str, Array]]):
         number = int(np.searchsorted(self._ends, index, side="right"))
         before = int(self._ends[number - 1]) if number else 0
         base, start = int(self.bases[number]), int(self.starts[number][index - before])
-        best, share = None, -1.0
+        best, share, stop = None, -1.0, start + self.n_frames
         for draw in range(self.epoch * _MAX_DRAWS, (self.epoch + 1) * _MAX_DRAWS):
-            tracks, n_new, _ = self._cached_draw(base, draw)
-            new = int(n_new[start + self.n_frames] - n_new[start]) / self.n_frames
+            found = self._cached_draw(base, draw)
+            new = int(found.n_new[stop] - found.n_new[start]) / self.n_frames
             if new > share:
-                best, share = tracks, new
+                best, share = found, new
             if new >= self.min_new:
                 break
         assert best is not None
-        row = best.window(start, self.n_frames)
+        frames, root = slice(start, stop), self.library.root
+        row = cut_window(self.features, best.tracks, best.motion, frames, root)
         return {**row, "new": np.array(share, np.float32), "index": np.array(index)}
 
     def run_job(self, job: int, encode: Encode | None = None) -> JobResult:
@@ -183,14 +191,16 @@ class Augmentation(LazySequence[dict[str, Array]]):
     def _windows(
         self, graft: Graft, draw: int, starts: Sequence[int], encode: Encode | None
     ) -> list[Window]:
-        n_frames, found = self.n_frames, list[Window]()
-        tracks = FeatureTracks.of(self.features, graft.motion, self.library.root)
+        motion, root, found = graft.motion, self.library.root, list[Window]()
+        tracks = compute_tracks(self.features, motion, root)
         for start in starts:
-            name, data = f"{graft.base.name}_{draw}_{start}", b""
+            frames, data = slice(start, start + self.n_frames), b""
+            name = f"{graft.base.name}_{draw}_{start}"
             if encode is not None:
-                data = encode(replace(graft.motion[start : start + n_frames], name=name))
-            provenance = provenance_rows(graft, draw, start, n_frames)
-            found.append(Window(name, tracks.window(start, n_frames), provenance, data))
+                data = encode(replace(motion[frames], name=name))
+            provenance = provenance_rows(graft, draw, start, self.n_frames)
+            row = cut_window(self.features, tracks, motion, frames, root)
+            found.append(Window(name, row, provenance, data))
         return found
 
     @cached_property
@@ -245,9 +255,12 @@ class Augmentation(LazySequence[dict[str, Array]]):
 
     def _compute_draw(self, plan: GraftPlan, donors: DonorSequences, draw: int) -> _Draw:
         graft = build_graft(plan, donors, self.seed, draw)
-        tracks = FeatureTracks.of(self.features, graft.motion, self.library.root)
+        tracks = compute_tracks(self.features, graft.motion, self.library.root)
         n_new = np.append(0, np.cumsum(frame_newness(graft)[0]))
-        return _Draw(tracks, n_new, tracks.n_bytes + n_new.nbytes)
+        motion = graft.motion if len(tracks) < len(self.features) else None
+        size = 0 if motion is None else motion.rotations.nbytes + motion.positions.nbytes
+        size += n_new.nbytes + sum(own.nbytes for own in tracks.values())
+        return _Draw(tracks, motion, n_new, size)
 
 
 def augment(

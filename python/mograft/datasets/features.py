@@ -83,39 +83,25 @@ def check_features(names: Sequence[str], library: LibraryData) -> tuple[str, ...
     return tuple(dict.fromkeys(names))
 
 
-@dataclass(frozen=True, eq=False)
-class FeatureTracks:
-    """The features of a motion, from which windows are cut."""
+def compute_tracks(names: Sequence[str], motion: Motion, root: int) -> dict[str, Array]:
+    """Return the features of all frames of a motion, but those that are computed for windows."""
+    whole = [name for name in names if not FEATURES[name].of_window]
+    return {name: _as_stored(FEATURES[name].compute(motion, root)) for name in whole}
 
-    names: Sequence[str]
-    root: int
-    tracks: dict[str, Array]  # those of all frames
-    motion: Motion | None  # for features that are computed for each window
 
-    @classmethod
-    def of(cls, names: Sequence[str], motion: Motion, root: int) -> "FeatureTracks":
-        """Return the features of a motion; the arrays are those of windows."""
-        whole = [name for name in names if not FEATURES[name].of_window]
-        tracks = {name: _as_stored(FEATURES[name].compute(motion, root)) for name in whole}
-        return cls(names, root, tracks, motion if len(whole) < len(names) else None)
+def cut_window(
+    names: Sequence[str], tracks: dict[str, Array], motion: Motion | None, frames: slice, root: int
+) -> dict[str, Array]:
+    """Return the features of a window, in new arrays; `tracks` has those of all frames.
 
-    @property
-    def n_bytes(self) -> int:
-        """Size in memory."""
-        own = 0 if self.motion is None else self.motion.rotations.nbytes * 2
-        return own + sum(track.nbytes for track in self.tracks.values())
-
-    def window(self, start: int, n_frames: int) -> dict[str, Array]:
-        """Return the features of the window that begins at a frame, in arrays of its own."""
-        frames = slice(start, start + n_frames)
-        window = {}
-        for name in self.names:
-            if name in self.tracks:
-                window[name] = self.tracks[name][frames].copy()
-            else:
-                assert self.motion is not None
-                window[name] = _as_stored(FEATURES[name].compute(self.motion[frames], self.root))
-        return window
+    The motion may be missing if `tracks` has all features.
+    """
+    row = {name: own[frames].copy() for name, own in tracks.items()}
+    if motion is not None and len(row) < len(names):
+        window = motion[frames]
+        more = {own: FEATURES[own].compute(window, root) for own in names if own not in row}
+        row |= {name: _as_stored(own) for name, own in more.items()}
+    return {name: row[name] for name in names}
 
 
 def _as_stored(track: Array) -> Array:

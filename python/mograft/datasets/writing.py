@@ -3,6 +3,7 @@
 import csv
 import hashlib
 import io
+import itertools
 import json
 import pickle
 from collections import Counter, deque
@@ -320,23 +321,17 @@ def _run_jobs(
     windows: Augmentation, format_: str, first: int, executor: Executor | None
 ) -> Iterator[tuple[int, JobResult]]:
     """Yield the results of the jobs from `first` on, in order, without end."""
+    encode, run = FORMATS[format_].encode, Augmentation.run_job
     if executor is None:
-        job = first
-        while True:
-            yield job, _run_job(windows, format_, job)
-            job += 1
-    payload, pending, job = pickle.dumps(windows), deque[Future[JobResult]](), first
+        yield from ((job, windows.run_job(job, encode)) for job in itertools.count(first))
+        return
+    payload, pending = pickle.dumps(windows), deque[Future[JobResult]]()
     try:
-        while True:
+        for job in itertools.count(first):
             while len(pending) < _MAX_PENDING_JOBS:
                 later = job + len(pending)
-                pending.append(executor.submit(call_with, payload, _run_job, format_, later))
+                pending.append(executor.submit(call_with, payload, run, later, encode))
             yield job, pending.popleft().result()
-            job += 1
     finally:
         for future in pending:
             future.cancel()
-
-
-def _run_job(windows: Augmentation, format_: str, job: int) -> JobResult:
-    return windows.run_job(job, FORMATS[format_].encode)
