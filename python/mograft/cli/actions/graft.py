@@ -59,6 +59,7 @@ _KEPT_VIOLATIONS = (
     "no motion was written; place the obstacle or target elsewhere, choose another --base, or "
     "write it all the same with --best-effort"
 )
+_WAY_ROUND = "; mograft export BASE -o new.bvh --avoid ... leads a walk round an obstacle"
 
 
 def run(options: GraftOptions) -> int:
@@ -103,7 +104,8 @@ def run(options: GraftOptions) -> int:
     if options.scenario == "original" and not options.best_effort:
         kept = kept_violations(library, base, constraints=constraints, swap=options.swap)
         if kept:
-            print_error(_KEPT_VIOLATIONS, [violation.message for violation in kept])
+            hint = _WAY_ROUND if options.avoid else ""
+            print_error(_KEPT_VIOLATIONS + hint, [violation.message for violation in kept])
             return 4
     grafts = _make_grafts(library, base, constraints, options)
     if options.change:
