@@ -97,11 +97,7 @@ class _Path:
         self.height = mass_model(motion.skeleton).height
         steps = np.linalg.norm(np.diff(self.places, axis=0), axis=1) / self.height
         self.lengths = np.concatenate([[0.0], np.cumsum(steps)])
-
-    @property
-    def total(self) -> float:
-        """Length of the path."""
-        return float(self.lengths[-1])
+        self.total = float(self.lengths[-1])
 
     def transforms(self, headings: FloatArray) -> AlignmentTransform:
         """Return the transforms that turn the path by `headings`, in radians, in each frame."""
@@ -131,11 +127,8 @@ class _Path:
 
 def _depths(poses: Poses, avoid: Sequence[Avoid], clearance: float = 0.0) -> FloatArray:
     """Return how deep the body is in obstacles in each frame, in heights; 0 if `clearance` away."""
-    depths = np.zeros(len(poses))
-    for own in avoid:
-        wider = Avoid(own.obstacle, 1.0, own.margin + clearance, frames=own.frames)
-        depths = np.maximum(depths, wider.errors(poses)[0])
-    return depths
+    wider = [Avoid(o.obstacle, 1.0, o.margin + clearance, frames=o.frames) for o in avoid]
+    return np.max([np.zeros(len(poses)), *(own.errors(poses)[0] for own in wider)], axis=0)
 
 
 def _walk_round(motion: Motion, avoid: Sequence[Avoid]) -> Motion:
@@ -151,12 +144,12 @@ def _walk_round(motion: Motion, avoid: Sequence[Avoid]) -> Motion:
             reason = f"{hits[0]:.3g} heights before the first contact are too few to turn away"
             break
         angle = 2.0 * shift / ramp
-        first = angle * _ramp((path.lengths - hits[0]) / ramp + 1.0)
+        starts = (path.lengths - hits[0]) / ramp + 1.0, (path.lengths - hits[1]) / ramp
+        first = angle * np.sin(np.pi * starts[0].clip(0.0, 1.0)) ** 2
         # On a longer way, the figure passes the obstacles later.
-        delay = np.gradient(path.lengths) @ (1.0 - np.cos(first))
-        last = angle * _ramp((path.lengths - hits[1] - delay) / ramp)
-        for side in (1.0, -1.0):
-            headings = side * (first - last)
+        delay = np.gradient(path.lengths) @ (1.0 - np.cos(first)) / ramp
+        last = angle * np.sin(np.pi * (starts[1] - delay).clip(0.0, 1.0)) ** 2
+        for headings in (first - last, last - first):
             if _depths(path.transforms(headings).apply_to_poses(poses), avoid, _CLEARANCE).any():
                 continue
             bent = path.follow(headings)
@@ -166,9 +159,3 @@ def _walk_round(motion: Motion, avoid: Sequence[Avoid]) -> Motion:
         f"no path round the obstacles of `avoid` was found: {reason}; place the obstacle further "
         "along the path or aside, or begin the walk earlier"
     )
-
-
-def _ramp(share: FloatArray) -> FloatArray:
-    """Return sine squared for shares of a ramp from 0 to 1, and 0 outside."""
-    inside = (share > 0.0) & (share < 1.0)
-    return np.where(inside, np.sin(np.pi * share) ** 2, 0.0)
