@@ -112,7 +112,7 @@ def find_joint(skeleton: Skeleton, name: str, *, is_part: bool = False) -> int:
     part that the name means, as names differ between figures, or else the most similar name.
     """
     joint = None if name in skeleton.names else _counterpart(skeleton, name)
-    if joint is None and is_part and name not in skeleton.names:
+    if joint is None and is_part and not suggest_name(name, skeleton.names):
         raise ValueError(
             f"no joint or body part is named {name!r}, but {join_names(skeleton.names, 24)}, and "
             "parts such as 'chest' or 'left hand'"

@@ -199,9 +199,12 @@ def parse(
     is_short = not any(word.startswith("--help-") for word in words)
     parsers = build_parsers(commands, is_short=is_short)
     _check_names(parsers, words)
-    found = vars(parsers[()].parse_args(words))
+    known, unknown = parsers[()].parse_known_args(words)
+    found = vars(known)
     command: Command = found["command"]
     parser: argparse.ArgumentParser = found["parser"]
+    if unknown:
+        parser.error(f"unexpected words {' '.join(unknown)}; {parser.prog} --help-all lists all")
     try:
         settings = find_settings(command, commands)
     except (OSError, ValueError) as error:

@@ -222,7 +222,8 @@ def preset(text: str, more: str = "") -> str:
     members = text.split(",")
     fitting = next((name for name in PRESETS if {*members} <= {*name.split("_")}), None)
     if fitting is not None:
-        raise ArgumentTypeError(f"{text} is no preset: use --groups {fitting} --swap {text}")
+        way = f"--groups {fitting} --swap {text}" if more else fitting
+        raise ArgumentTypeError(f"{text} is no preset: use {way}")
     if not is_automatic(text):
         return one_of((*PRESETS, AUTOMATIC), more)(text)
     try:
