@@ -193,12 +193,13 @@ class DonorTimeline:
         follows = donors.clip[1:] == donors.clip[:-1]
         follows &= donors.start[1:] == donors.stop[:-1]
         others = np.flatnonzero(~seams & ~follows)
-        for offset in (0, -1, 1):  # almost all differ in the first of these frames
+        # Almost all differ in the first joint.
+        for columns, offset in ((joints[:1], 0), (joints, 0), (joints, -1), (joints, 1)):
             if not len(others):
                 break
             clips = donors.clip[np.concatenate([others, others + 1])]
             frames = np.concatenate([donors.stop[others], donors.start[others + 1]]) + offset
-            ends, starts = np.split(_frames(tracks, joints, clips, frames), 2)
+            ends, starts = np.split(_frames(tracks, columns, clips, frames), 2)
             differs = (ends != starts).any(axis=(1, 2))
             seams[others[differs]] = True
             others = others[~differs]
