@@ -13,6 +13,8 @@ _UNRELATED = ("cli", "datasets", "stream", "studio", "viewing")  # no result dep
 def code_version(*modules):
     """Return a checksum of the package, its kernels, what experiments share, and `modules`.
 
+    `modules` are modules or paths of their files.
+
     Comments and docstrings of Python do not count.
     """
     package = ROOT / "python" / "mograft"
@@ -24,7 +26,7 @@ def code_version(*modules):
     files += [Path(__file__).with_name(name) for name in ("sources.py", "bases.py")]
     for folder in ("baselines", "donors", "measures"):
         files += sorted((ROOT / "lab" / folder).glob("*.py"))
-    files += [Path(module.__file__) for module in modules]
+    files += [own if isinstance(own, Path) else Path(own.__file__) for own in modules]
     checksum = hashlib.sha256()
     for path in files:
         checksum.update(_code(path).encode())

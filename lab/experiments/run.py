@@ -4,6 +4,9 @@ The recordings are in the folder ``--data`` (default: ``../shared/data`` beside 
 result is stored in the folder ``--cache`` under the version of the code and of the recordings, so
 that an interrupted run continues where it stopped. ``--stored`` computes nothing and writes the
 tables of the newest stored results. ``--quick`` measures a few seconds of each source.
+
+An experiment measures one source at a time; a study compares methods on several sources at once,
+and each of its tables is a result.
 """
 
 import argparse
@@ -41,6 +44,7 @@ EXPERIMENTS = (
     "learning",
     "editing",
 )
+STUDIES = ("segmentations", "behaviours", "power")
 CODE = "code.csv"  # the version of the code that measured each experiment
 FACTS = "facts"  # name under which the numbers of clips, frames and segments are stored
 
@@ -48,6 +52,16 @@ FACTS = "facts"  # name under which the numbers of clips, frames and segments ar
 def experiments():
     """Return the modules of all experiments."""
     return [importlib.import_module(f"lab.experiments.{name}") for name in EXPERIMENTS]
+
+
+def studies():
+    """Return the modules of all studies with stored tables."""
+    return [importlib.import_module(f"lab.studies.{name}") for name in STUDIES]
+
+
+def version_of(module):
+    """Return the version of the code of an experiment or a study."""
+    return code_version(module, *getattr(module, "CODE", ()))
 
 
 def measure_facts(recordings):
@@ -61,7 +75,8 @@ def stale_experiments(folder):
     """Return the experiments with tables in a folder that other code measured, or unknown code."""
     path = folder / CODE
     known = {own["experiment"]: own["code"] for own in read_csv(path)} if path.exists() else {}
-    return {own.NAME for own in experiments() if known.get(own.NAME) != code_version(own)}
+    every = [*experiments(), *studies()]
+    return {own.NAME for own in every if known.get(own.NAME) != version_of(own)}
 
 
 def write_code(results, folder):
@@ -85,6 +100,7 @@ class Run:
         }
         self._inputs = {}
         self._recordings = Recordings("", ())
+        self._of_study = {}
 
     def recordings(self, name):
         """Return the recordings of a source; those of the last source stay in memory."""
@@ -100,32 +116,52 @@ class Run:
         """
         if name not in self._inputs:
             self._inputs[name] = input_version(self.files[name])
-        size = "quick" if self.options.quick else "full"
-        version = f"{code}-{self._inputs[name]}-{size}"
+        version = f"{code}-{self._inputs[name]}"
+        return self.stored(experiment, name, version, lambda: measure(self.recordings(name)))
+
+    def stored(self, experiment, name, version, measure):
+        """Return the stored value of a version; compute it if it is missing."""
+        version += "-quick" if self.options.quick else "-full"
         stored = self.cache.read(experiment, name, version, is_any_version=self.options.stored)
         if stored is None and not self.options.stored:
             start = time.process_time()
             try:
-                stored = {"value": measure(self.recordings(name))}
+                stored = {"value": measure()}
             except mg.InsufficientDataError as error:
                 stored = {"refused": str(error)}
-            stored |= {"processor_seconds": time.process_time() - start, "code": code}
+            seconds = time.process_time() - start
+            stored |= {"processor_seconds": seconds, "code": version.partition("-")[0]}
             self.cache.write(experiment, name, version, stored)
-            print(
-                f"{experiment}, {name}: {stored['processor_seconds']:.0f} s",
-                file=sys.stderr,
-                flush=True,
-            )
+            print(f"{experiment}, {name}: {seconds:.0f} s", file=sys.stderr, flush=True)
         return stored
 
     def experiment(self, experiment, name):
         """Return the stored or computed result of a module of experiments on a source."""
-        return self.result(
-            experiment.NAME,
-            code_version(experiment),
-            name,
-            partial(experiment.measure, is_quick=self.options.quick),
-        )
+        measure = partial(experiment.measure, is_quick=self.options.quick)
+        return self.result(experiment.NAME, version_of(experiment), name, measure)
+
+    def study(self, study, title):
+        """Return the stored or computed table of a study."""
+        folders = self.options.data, self.options.cache
+
+        def measure():
+            if study.NAME not in self._of_study:
+                inputs = study.read_inputs(*folders, is_quick=self.options.quick)
+                self._of_study = {study.NAME: inputs}
+            return study.PARTS[title](self._of_study[study.NAME]).__dict__
+
+        version = f"{version_of(study)}-{input_version(study.find_inputs(*folders))}"
+        return self.stored(study.NAME, title, version, measure)
+
+    def parts(self):
+        """Return the chosen pairs of study and title of a table, unless sources are chosen."""
+        return [
+            (study, title)
+            for study in studies()
+            for title in study.PARTS
+            if (not self.options.only or study.NAME in self.options.only)
+            and not self.options.sources
+        ]
 
     def pairs(self):
         """Return the chosen pairs of experiment and source for which there are recordings."""
@@ -149,14 +185,16 @@ def start_process(options):
 
 
 def compute_pair(pair):
-    """Compute and store the result of the experiment of a name on a source."""
-    by_name = {own.NAME: own for own in experiments()}
-    _run.experiment(by_name[pair[0]], pair[1])
+    """Compute and store an experiment on a source, or a table of a study."""
+    by_name = {own.NAME: own for own in [*experiments(), *studies()]}
+    module = by_name[pair[0]]
+    (_run.study if hasattr(module, "PARTS") else _run.experiment)(module, pair[1])
 
 
 def compute(options):
     """Compute and store the missing results, several at a time."""
-    pairs = [(experiment.NAME, name) for experiment, name in Run(options).pairs()]
+    current = Run(options)
+    pairs = [(own.NAME, name) for own, name in [*current.parts(), *current.pairs()]]
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(options.processes, context, start_process, (options,)) as pool:
         list(pool.map(compute_pair, pairs))
@@ -180,6 +218,10 @@ def write_tables(results, facts, folder):
         if measured:
             for title, table in experiment.tables(measured).items():
                 write_csv(table, folder / f"{experiment.NAME}-{title}.csv")
+    for study in studies():
+        for title, own in results.get(study.NAME, {}).items():
+            if "value" in own:
+                write_csv(Table(**own["value"]), folder / f"{study.NAME}-{title}.csv")
     write_code(results, folder)
     sources = [
         (name, SOURCES[name].use, SOURCES[name].description, *own) for name, own in facts.items()
@@ -215,10 +257,11 @@ def collect(options):
         stored = current.result(FACTS, code_version(), name, measure_facts)
         if stored is not None and "value" in stored:
             facts[name] = stored["value"]
-    for experiment, name in current.pairs():
-        stored = current.experiment(experiment, name)
+    found = [(own, name, current.experiment(own, name)) for own, name in current.pairs()]
+    found += [(own, title, current.study(own, title)) for own, title in current.parts()]
+    for module, name, stored in found:
         if stored is not None:
-            results.setdefault(experiment.NAME, {})[name] = stored
+            results.setdefault(module.NAME, {})[name] = stored
     return results, facts
 
 
@@ -234,6 +277,12 @@ def measure_tiny(names=None):
         except mg.InsufficientDataError as error:
             value = {"refused": str(error)}
         results[experiment.NAME] = {experiment.SOURCES[0]: value}
+    for study in studies():
+        if names is None or study.NAME in names:
+            inputs = study.read_inputs(None, None, is_quick=True)
+            results[study.NAME] = {
+                title: {"value": part(inputs).__dict__} for title, part in study.PARTS.items()
+            }
     return results
 
 
@@ -243,7 +292,8 @@ def main(argv=None):
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
     parser.add_argument("--cache", type=Path, default=ROOT / ".evidence")
     parser.add_argument("-o", "--output", type=Path, help="folder of the tables")
-    parser.add_argument("--only", nargs="+", choices=[own.NAME for own in experiments()])
+    names = [own.NAME for own in [*experiments(), *studies()]]
+    parser.add_argument("--only", nargs="+", choices=names)
     parser.add_argument("--sources", nargs="+", choices=SOURCES)
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--quick", action="store_true", help="a few seconds of each source")

@@ -1,4 +1,4 @@
-"""``python -m lab.pairs make|analyse|power``: the study in which people compare motions."""
+"""``python -m lab.pairs make|analyse``: the study in which people compare motions."""
 
 import argparse
 import csv
@@ -9,20 +9,16 @@ import warnings
 from pathlib import Path
 
 from lab.common import tiny_motion
-from lab.experiments.run import RESULTS
 from lab.experiments.sources import SOURCES, TEST, Recordings, find_files, read_recordings
-from lab.pairs import raters
 from lab.pairs.analysis import prefer, read_key, read_results
-from lab.pairs.excerpts import ARMS, CHOICES, SECONDS, find_excerpts
+from lab.pairs.excerpts import ARMS, CHOICES, N_PAIRS, SECONDS, find_excerpts
 from lab.pairs.study import build_study
 
-N_PAIRS = 60
 MAX_CLIPS = 24  # of a source, evenly spaced
 TEST_SOURCES = tuple(
     name for name in TEST if name not in ("actions and styles", "acting", "estimated")
 )
 QUICK_SECONDS = 1.0
-SHARES, PEOPLE = (0.5, 0.55, 0.6, 0.65, 0.7, 0.75), (12, 24, 48)
 
 
 def make(options):
@@ -95,17 +91,6 @@ def analyse(options):
         _write_csv(options.output, rows)
 
 
-def compute_power(options):
-    """Write the power of the analysis with simulated participants to lab/results."""
-    head = ("preference for the graft", *(f"power, {n} participants" for n in PEOPLE))
-    n_studies = 20 if options.quick else 400
-    rows = [
-        (share, *(f"{raters.power(share, n, N_PAIRS, n_studies=n_studies):.2f}" for n in PEOPLE))
-        for share in SHARES
-    ]
-    _write_csv(options.output, [head, *rows])
-
-
 def _write_csv(path, rows):
     with path.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows(rows)
@@ -133,10 +118,6 @@ def main(argv=None):
     own.add_argument("results", nargs="+", type=Path, help="files of participants")
     own.add_argument("-o", "--output", type=Path, help="CSV file")
     own.set_defaults(run=analyse)
-    own = commands.add_parser("power", help=compute_power.__doc__)
-    own.add_argument("-o", "--output", type=Path, default=RESULTS / "pairs-power.csv")
-    own.add_argument("--quick", action="store_true")
-    own.set_defaults(run=compute_power)
     options = parser.parse_args(argv)
     warnings.simplefilter("ignore")
     return options.run(options)

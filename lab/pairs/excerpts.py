@@ -10,7 +10,7 @@ from lab.baselines.body_mixing import add_noise
 from lab.baselines.catalogue import GENERATORS, Studio
 from mograft.viewing.geometry import DrawnSkeleton
 
-SECONDS = 4.0
+SECONDS, N_PAIRS = 4.0, 60  # N_PAIRS of an arm
 MIN_EXCHANGED = 0.5
 """Share of the frames of an excerpt whose parts the graft exchanges, at least."""
 CHECK_DEGREES = 8.0

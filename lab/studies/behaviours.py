@@ -1,11 +1,11 @@
 """Measure how well "pca", "ppca" and "gmm" find known behaviours, and "beats" a known tempo.
 
-``python -m lab behaviours [DATA] [--seeds 50]`` prints two tables:
+The tables:
 
-- precision and recall of the cuts between behaviours, for motions of six known pieces (below).
-  Neighbours are of different kinds. A cut is correct if it is at most the tolerance away from
-  the middle of a change; each change counts once.
-- the largest error of the interval between beats, and the share of motions within 2 %: motions
+- ``cuts``: precision and recall of the cuts between behaviours, for motions of six known pieces
+  (below). Neighbours are of different kinds. A cut is correct if it is at most the tolerance away
+  from the middle of a change; each change counts once.
+- ``tempo``: the errors of the interval between beats, and the share of motions within 2 %: motions
   from pose to pose, of 6 to 20 s, at 30, 60 and 120 frames per second; and walks of the dancer,
   whose steps are known.
 
@@ -25,18 +25,20 @@ Pieces of clips last 5 to 8 s and are cross-faded over 0.5 s; a clip that is sho
 backwards in time. The defaults were chosen with "dancer" and "recordings" in view.
 """
 
-import argparse
 import functools
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
-from lab.common import run
-from lab.experiments.sources import ARCHIVE, SOURCES, find_files
+import lab.segmentations
+from lab.experiments.sources import SOURCES, find_files
+from lab.experiments.tables import Table
 from lab.segmentations import METHODS
 from lab.segmentations.beats import BeatParameters, beat_interval
+from lab.studies import behaviour_pieces
 from lab.studies.behaviour_pieces import (
+    ANIMATED,
+    CAPTURED,
     animated_actions,
     captured_actions,
     dance_of,
@@ -47,6 +49,12 @@ from lab.studies.behaviour_pieces import (
     recorded_pieces,
 )
 
+NAME = "behaviours"
+CODE = (
+    *sorted(Path(lab.segmentations.__file__).parent.glob("*.py")),
+    Path(behaviour_pieces.__file__),
+)
+N_SEEDS = 50
 NAMES = ("pca", "ppca", "gmm")
 TOLERANCES = (0.5, 1.0)  # seconds
 KINDS = ("walk", "run", "wave", "raise")  # first words of actions of other recordings
@@ -63,31 +71,81 @@ def count_correct(cuts, changes, tolerance):
     return len(cuts) - len(free)
 
 
-def print_behaviours(sets, seeds):
-    print("| motions | method | cuts | changes |", end="")
-    print("".join(f" precision ±{t:g} s | recall ±{t:g} s |" for t in TOLERANCES))
-    print("|---|---|---|---|" + "---|---|" * len(TOLERANCES))
+def find_inputs(data, unpacked):
+    """Return the files of the recordings."""
+    files = [*data.glob(f"{CAPTURED}/*.bvh"), *(data / own for own in ANIMATED)]
+    return [own for own in sorted(files) if own.exists()] + [
+        *folder_clips(data),
+        *archive_clips(data, unpacked),
+    ]
+
+
+def folder_clips(data):
+    """Return the Bandai-Namco clips in the two folders."""
+    return sorted(data.glob("bandai_ds*/*.bvh"))
+
+
+def archive_clips(data, unpacked):
+    """Return clips of the kinds from the archive, without those in the folders."""
+    known = {path.name for path in folder_clips(data)}
+    found = [
+        path
+        for name in ("locomotion", "gestures")
+        for path in find_files(SOURCES[name], data, unpacked)
+        if path.name not in known and path.name.split("_")[1].startswith(KINDS)
+    ]
+    return found[:: max(len(found) // MAX_OTHER, 1)]
+
+
+def read_inputs(data, unpacked, *, is_quick):
+    """Return the functions that make a motion of a seed, by kind of motion, and how many seeds."""
+    strides = 1 if is_quick else 8
+    sets = {"walk, jump, wave: dancer": functools.partial(dancer_who_jumps, strides=strides)}
+    recorded = functools.partial(functools.partial, recorded_pieces)
+    if not is_quick and (data / CAPTURED).exists():
+        sets["walk, jump, wave: captured"] = recorded(**captured_actions(data))
+    if not is_quick and all((data / own).exists() for own in ANIMATED):
+        sets["walk, jump, wave: animated"] = recorded(**animated_actions(data))
+    sets["dancer"] = functools.partial(dancer_pieces, strides=strides)
+    if not is_quick:
+        others = archive_clips(data, unpacked)
+        for title, paths in (("recordings", folder_clips(data)), ("other recordings", others)):
+            if paths:
+                clips, sample = read_clips(paths)
+                sets[title] = recorded(clips=clips, sample=sample)
+    return sets, 1 if is_quick else N_SEEDS
+
+
+def cuts(inputs):
+    """Return the precision and recall of the cuts between behaviours."""
+    sets, n_seeds = inputs
+    head = ("motions", "method", "cuts", "changes")
+    head += tuple(f"{what} ±{own:g} s" for own in TOLERANCES for what in ("precision", "recall"))
+    rows = []
     for title, make in sets.items():
-        motions = [make(seed) for seed in range(seeds)]
+        motions = [make(seed) for seed in range(n_seeds)]
         for name in NAMES:
             module, kind = METHODS[name]
             found = [module.cut_frames(motion, kind()) for motion, _ in motions]
-            n_cuts = sum(len(cuts) for cuts in found)
+            n_cuts = sum(len(own) for own in found)
             n_changes = sum(len(changes) for _, changes in motions)
             cells = [str(n_cuts), str(n_changes)]
             for tolerance in TOLERANCES:
                 n_correct = sum(
-                    count_correct(cuts, changes, tolerance * motion.rate)
-                    for cuts, (motion, changes) in zip(found, motions, strict=True)
+                    count_correct(own, changes, tolerance * motion.rate)
+                    for own, (motion, changes) in zip(found, motions, strict=True)
                 )
                 cells += [f"{n_correct / max(n_cuts, 1):.2f}", f"{n_correct / n_changes:.2f}"]
-            print(f"| {title} | `{name}` | {' | '.join(cells)} |", flush=True)
+            rows.append((title, name, *cells))
+    return Table(head, rows)
 
 
-def print_tempo(seeds):
+def tempo(inputs):
+    """Return the errors of the interval between beats."""
+    _, n_seeds = inputs
     parameters = BeatParameters()
     errors = {"pose to pose": [], "walks of the dancer": []}
-    for seed in range(seeds):
+    for seed in range(n_seeds):
         rng = np.random.default_rng(seed)
         interval, rate = rng.uniform(0.35, 1.3), float(rng.choice([30, 60, 120]))
         motion = metronome(seed, interval, rate, rng.uniform(6, 20))
@@ -100,52 +158,12 @@ def print_tempo(seeds):
         step = 0.5 * np.mean(np.diff(strides)) * made.motion.frame_time
         found = beat_interval(made.motion[start:stop], parameters)
         errors["walks of the dancer"].append(found / step - 1)
-    print("| motions | within 2 % | median error | largest error |")
-    print("|---|---|---|---|")
+    rows = []
     for title, own in errors.items():
-        sizes = np.abs(own)
-        share, median = np.mean(sizes <= 0.02), np.median(sizes)
-        largest = f"{100 * sizes.max():.1f} %"
-        print(f"| {title} | {100 * share:.0f} % | {100 * median:.1f} % | {largest} |")
+        sizes = 100 * np.abs(own)
+        share = 100 * np.mean(sizes <= 2)
+        rows.append((title, f"{share:.0f}", f"{np.median(sizes):.1f}", f"{sizes.max():.1f}"))
+    return Table(("motions", "within 2 %, %", "median error, %", "largest error, %"), rows)
 
 
-def report(options):
-    """Print the tables."""
-    seeds = 1 if options.tiny else options.seeds
-    strides = 1 if options.tiny else 8
-    sets = {"walk, jump, wave: dancer": functools.partial(dancer_who_jumps, strides=strides)}
-    if options.data and not options.tiny:
-        data = Path(options.data)
-        for title, actions in (("captured", captured_actions), ("animated", animated_actions)):
-            sets[f"walk, jump, wave: {title}"] = functools.partial(recorded_pieces, **actions(data))
-    sets["dancer"] = functools.partial(dancer_pieces, strides=strides)
-    if options.data and not options.tiny:
-        paths = sorted(data.glob("bandai_ds*/*.bvh"))
-        sets["recordings"] = functools.partial(recorded_pieces, **clips_of(paths))
-        if (data / ARCHIVE).exists():
-            with tempfile.TemporaryDirectory() as unpacked:
-                names = {path.name for path in paths}
-                others = [
-                    path
-                    for name in ("locomotion", "gestures")
-                    for path in find_files(SOURCES[name], data, Path(unpacked))
-                    if path.name not in names
-                ]
-                kinds = [path for path in others if path.name.split("_")[1].startswith(KINDS)]
-                chosen = clips_of(kinds[:: max(len(kinds) // MAX_OTHER, 1)])
-            sets["other recordings"] = functools.partial(recorded_pieces, **chosen)
-    print_behaviours(sets, seeds)
-    print_tempo(seeds)
-
-
-def clips_of(paths):
-    clips, sample = read_clips(paths)
-    return {"clips": clips, "sample": sample}
-
-
-def main(argv=None):
-    """Run the bench."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("data", nargs="?", help="folder of the recordings of the experiments")
-    parser.add_argument("--seeds", type=int, default=50)
-    return run(parser, report, argv)
+PARTS = {"cuts": cuts, "tempo": tempo}

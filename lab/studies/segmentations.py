@@ -1,38 +1,33 @@
-"""Compare the methods of segmentation.
+"""Compare the methods of segmentation, on the dancer and on recordings.
 
-``python -m lab segmentations DATA [--only PART]`` prints five tables:
+The tables, one for each part:
 
-- ``speed``: how many times faster than real time each method cuts the dancer (57 channels, 30
-  frames per second), and the processor time for a minute of a CMU recording at 120 frames per
-  second; best of five runs on one core;
 - ``planted``: the agreement of each method with known frames: changes of the style and foot
-  events of the dancer, and the joints of motions put together from pieces of recordings; and how
-  late "contacts" finds the foot events;
+  events of the dancer, and the joints of motions put together from pieces of recordings;
+- ``offsets``: how late "contacts" finds the foot events of the dancer;
 - ``agreement``: the agreement of each method with each other one on the recordings;
 - ``segments``: for each source, the number and length of the segments, the share with a donor, the
   share that donor sequences exchange, and the seam angle;
 - ``grafts``: for each source, the detectability at seams, and the compatibility.
 
-DATA holds the recordings of the experiments (`lab/experiments/sources.py`). Agreement is F1:
-cuts of both sides are paired one to one if they are at most 0.1 s apart. In parentheses is what
-the same cuts reach on average after a circular shift in time by random durations. All motions are
-resampled to 30 frames per second. Needs scikit-learn.
+Agreement is F1: cuts of both sides are paired one to one if they are at most 0.1 s apart. In
+parentheses is what the same cuts reach on average after a circular shift in time by random
+durations. All motions are resampled to 30 frames per second.
 """
 
-import argparse
-import tempfile
-import time
-import warnings
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+import lab.segmentations
 import mograft as mg
-from lab.common import run, tiny_motion
+from lab.common import tiny_motion
 from lab.donors.compatibility import compatibility
 from lab.donors.donor_methods import RandomLength
 from lab.donors.methods import Analogy
 from lab.experiments.sources import MIN_FRAMES, RATE, SOURCES, find_files
+from lab.experiments.tables import Table
 from lab.segmentations import METHODS as OTHERS
 from lab.segmentations import method as function_of
 from mograft.dancer import dance
@@ -40,33 +35,58 @@ from mograft.evaluation.detectability import MIN_WINDOWS, block_folds, detect
 from mograft.evaluation.windows import GraftWindows
 from mograft.solve.plan import GraftPlan
 
+NAME = "segmentations"
+CODE = tuple(sorted(Path(lab.segmentations.__file__).parent.glob("*.py")))
 METHODS = {"energy": "energy", **{name: function_of(name) for name in OTHERS}}
 CHOSEN = ("salsa A", "perfume", "basketball", "actions and styles", "everyday")
-CMU = "dance_cmu60_salsa/60_0*.bvh"
-PARTS = ("speed", "planted", "agreement", "segments", "grafts")
 TOLERANCE = 0.1  # seconds
 N_SHIFTS = 10
 MAX_FRAMES = 3600  # of a source: two minutes
 MIN_BASE_SECONDS = 60.0  # of the clips that are bases
+N_GRAFTS = 2  # of each base
 MAX_WINDOWS = 400
 N_SPLITS = 1  # of the folds of compatibility
 PIECE_SECONDS = (3.0, 6.0)
 
 
-def read_source(name, data, unpacked, max_frames):
+@dataclass(frozen=True)
+class Inputs:
+    """Dances of the dancer, and the clips of each source; a few seconds if `is_quick`."""
+
+    dances: tuple
+    sources: dict
+    is_quick: bool
+
+
+def find_inputs(data, unpacked):
+    """Return the files of the sources."""
+    return [path for name in CHOSEN for path in find_files(SOURCES[name], data, unpacked)]
+
+
+def read_inputs(data, unpacked, *, is_quick):
+    """Return the `Inputs`."""
+    if is_quick:
+        return Inputs(
+            (dance(strides=1)[:300],), {"tiny": [tiny_motion(), tiny_motion(2)]}, is_quick=True
+        )
+    sources = {name: read_source(find_files(SOURCES[name], data, unpacked)) for name in CHOSEN}
+    dances = tuple(dance(seed=seed, strides=4) for seed in range(3))
+    return Inputs(dances, {name: own for name, own in sources.items() if own}, is_quick=False)
+
+
+def read_source(files):
     """The clips of a source at 30 frames per second, evenly spaced, up to a number of frames."""
     motions, hierarchy, n_frames = [], None, 0
-    files = find_files(SOURCES[name], data, unpacked)
     for path in sorted(files, key=lambda path: hash_of(path.name)):
         motion = mg.read_bvh(path)
         if any(fault.kind == "first_frame" for fault in mg.find_faults(motion)):
             motion = motion[1:]
-        motion = motion.resample(RATE)[: max_frames - n_frames]
+        motion = motion.resample(RATE)[: MAX_FRAMES - n_frames]
         hierarchy = hierarchy or motion.skeleton.names
         if motion.n_frames >= MIN_FRAMES and motion.skeleton.names == hierarchy:
             motions.append(motion)
             n_frames += motion.n_frames
-        if n_frames > max_frames - MIN_FRAMES:
+        if n_frames > MAX_FRAMES - MIN_FRAMES:
             break
     return motions
 
@@ -143,35 +163,16 @@ def put_together(library, n_pieces, rng):
     return motion, np.cumsum(lengths)[:-1]
 
 
-def time_of(function):
-    """The processor time of a call, in seconds: the best of five."""
-    times = []
-    for _ in range(5):
-        start = time.process_time()
-        function()
-        times.append(time.process_time() - start)
-    return min(times)
-
-
-def print_speed(dancer, minute):
-    print("| method | dancer, times real time | a minute at 120 fps |")
-    print("|---|---|---|")
-    for method in METHODS:
-        # Copies, because results of forward kinematics are kept with a motion.
-        speed = dancer.duration / time_of(lambda m=method: mg.segment(dancer[:], method=METHODS[m]))
-        seconds = time_of(lambda m=method: mg.segment(minute[:], method=METHODS[m]))
-        print(f"| `{method}` | {speed:.0f} | {seconds:.3f} s |", flush=True)
-
-
-def print_planted(dances, sources):
+def planted(inputs):
+    """Return how well the cuts of each method agree with known frames."""
     rng = np.random.default_rng(0)
-    titles = ["styles", "foot events", *sources]
+    titles = ["styles", "foot events", *inputs.sources]
     rows = {method: [Agreement() for _ in titles] for method in METHODS}
     joined = {
         name: [put_together(mg.Library.build(motions), 12, rng) for _ in range(3)]
-        for name, motions in sources.items()
+        for name, motions in inputs.sources.items()
     }
-    for made in dances:
+    for made in inputs.dances:
         is_change = (made.legs[1:] != made.legs[:-1]) | (made.arms[1:] != made.arms[:-1])
         styles = np.flatnonzero(is_change) + 1
         events = np.flatnonzero((np.diff(made.stance, axis=0) != 0).any(axis=1)) + 1
@@ -183,47 +184,43 @@ def print_planted(dances, sources):
         for motion, truth in motions:
             for method, cells in rows.items():
                 cells[column].add(inner_cuts(motion, method), truth, motion, rng)
-    print("| method |" + "".join(f" {title} |" for title in titles))
-    print("|---|" + "---|" * len(titles))
-    for method, cells in rows.items():
-        print(f"| `{method}` |" + "".join(f" {cell} |" for cell in cells), flush=True)
+    return Table(
+        ("method", *titles), [(method, *map(str, cells)) for method, cells in rows.items()]
+    )
 
 
-def print_event_offsets(dances):
-    """Print how late `contacts` finds the touchdowns and lift-offs of the dancer."""
+def offsets(inputs):
+    """Return how late "contacts" finds the touchdowns and lift-offs of the dancer."""
+    rows = []
     for events, change in (("touchdown", 1), ("liftoff", -1)):
-        offsets = []
-        for made in dances:
-            planted = (
-                np.flatnonzero((np.diff(made.stance.astype(int), axis=0) == change).any(1)) + 1
-            )
-            found = mg.segment(made.motion, method=function_of("contacts", events=events)).start[1:]
-            gaps = found[:, None] - planted
-            nearest = np.abs(gaps).argmin(axis=0)
-            offsets += (gaps[nearest, np.arange(len(planted))] / made.motion.rate).tolist()
-        print(f"`contacts`, {events}: {np.median(offsets):+.2f} s after the dancer's (median)")
+        found = np.concatenate([_gaps(made, events, change) for made in inputs.dances])
+        rows.append((events, f"{np.median(found):+.2f}"))
+    return Table(("contacts", "median delay, s"), rows)
 
 
-def print_agreement(sources):
+def _gaps(made, events, change):
+    """Return the seconds from each event of the dancer to the nearest cut."""
+    truth = np.flatnonzero((np.diff(made.stance.astype(int), axis=0) == change).any(axis=1)) + 1
+    found = mg.segment(made.motion, method=function_of("contacts", events=events)).start[1:]
+    gaps = found[:, None] - truth
+    return gaps[np.abs(gaps).argmin(axis=0), np.arange(len(truth))] / made.motion.rate
+
+
+def agreement(inputs):
+    """Return how well the cuts of the methods agree with each other."""
     rng = np.random.default_rng(1)
-    cuts = {
-        method: [
-            (inner_cuts(motion, method), motion)
-            for motions in sources.values()
-            for motion in motions
-        ]
-        for method in METHODS
-    }
-    print("| method |" + "".join(f" `{method}` |" for method in METHODS))
-    print("|---|" + "---|" * len(METHODS))
+    motions = [motion for own in inputs.sources.values() for motion in own]
+    cuts = {method: [inner_cuts(motion, method) for motion in motions] for method in METHODS}
+    rows = []
     for row, method in enumerate(METHODS):
         cells = []
-        for column, other in enumerate(METHODS):
-            agreement = Agreement()
-            for (found, motion), (truth, _) in zip(cuts[method], cuts[other], strict=True):
-                agreement.add(found, truth, motion, rng)
-            cells.append(f" {agreement} |" if column > row else " |")
-        print(f"| `{method}` |" + "".join(cells), flush=True)
+        for other in list(METHODS)[row + 1 :]:
+            found = Agreement()
+            for motion, first, second in zip(motions, cuts[method], cuts[other], strict=True):
+                found.add(first, second, motion, rng)
+            cells.append(str(found))
+        rows.append((method, *[""] * (row + 1), *cells))
+    return Table(("method", *METHODS), rows)
 
 
 def donor_share(library):
@@ -281,90 +278,46 @@ def choose_donors(library, count):
     return np.concatenate(is_new).mean(), np.degrees(gaps.mean()) if len(gaps) else np.nan
 
 
-def print_segments(sources, count):
-    titles = ("per minute", "median length", "10 % to 90 %", "with a donor", "exchanged", "seam")
-    print("| source | method |" + "".join(f" {title} |" for title in titles))
-    print("|---|---|" + "---|" * len(titles))
-    for name, motions in sources.items():
-        for method in METHODS:
-            library = mg.Library.build(motions, config=mg.Config(segmentation=METHODS[method]))
+def segments(inputs):
+    """Return the number and length of segments, and their donors."""
+    head = ("source", "method", "per minute", "median length, s", "10 % to 90 %")
+    head += ("with a donor, %", "exchanged, %", "seam")
+    rows = []
+    for name, motions in inputs.sources.items():
+        minutes = sum(motion.duration for motion in motions) / 60
+        for method, function in METHODS.items():
+            library = mg.Library.build(motions, config=mg.Config(segmentation=function))
             seconds = library.segments.lengths / library.rate
             low, high = np.percentile(seconds, (10, 90))
-            minutes = sum(motion.duration for motion in motions) / 60
-            share, angle = choose_donors(library, count)
+            share, angle = choose_donors(library, N_GRAFTS)
             cells = (
                 f"{len(seconds) / minutes:.0f}",
-                f"{np.median(seconds):.2f} s",
+                f"{np.median(seconds):.2f}",
                 f"{low:.2f} to {high:.2f} s",
-                f"{100 * donor_share(library):.0f} %",
-                f"{100 * share:.0f} %",
+                f"{100 * donor_share(library):.0f}",
+                f"{100 * share:.0f}",
                 "none" if np.isnan(angle) else f"{angle:.1f}°",
             )
-            print(f"| {name} | `{method}` | {' | '.join(cells)} |", flush=True)
+            rows.append((name, method, *cells))
+    return Table(head, rows)
 
 
-def print_grafts(sources, count, methods, splits):
-    titles = ("seams, gross", "seams, fine", "κ", "accepted, points above random")
-    print("| source | method |" + "".join(f" {title} |" for title in titles))
-    print("|---|---|" + "---|" * len(titles))
-    for name, motions in sources.items():
-        for method in methods:
-            library = mg.Library.build(motions, config=mg.Config(segmentation=METHODS[method]))
-            grafts = [
+def grafts(inputs):
+    """Return the detectability at seams and the compatibility of grafts."""
+    head = ("source", "method", "seams, gross", "seams, fine", "κ", "accepted, points above random")
+    methods = {"energy": "energy"} if inputs.is_quick else METHODS
+    rows = []
+    for name, motions in inputs.sources.items():
+        for method, function in methods.items():
+            library = mg.Library.build(motions, config=mg.Config(segmentation=function))
+            made = [
                 graft
                 for base in choose_bases(library)
-                for graft in mg.graft_many(library, base, count)
+                for graft in mg.graft_many(library, base, N_GRAFTS)
             ]
-            gross, fine = detect_seams(grafts)
-            areas = ["too few" if np.isnan(own) else f"{own:.2f}" for own in (gross, fine)]
-            cells = [*areas, *compatibility_of(library, splits)]
-            print(f"| {name} | `{method}` | {' | '.join(cells)} |", flush=True)
+            areas = ["too few" if np.isnan(own) else f"{own:.2f}" for own in detect_seams(made)]
+            rows.append((name, method, *areas, *compatibility_of(library, N_SPLITS)))
+    return Table(head, rows)
 
 
-def read_minute(data):
-    """A minute of CMU recordings of one dancer at 120 frames per second."""
-    motions = [mg.read_bvh(path)[1:] for path in sorted(data.glob(CMU))]
-    rotations = np.concatenate([motion.rotations for motion in motions])[:7200]
-    positions = np.concatenate([motion.positions for motion in motions])[:7200]
-    return mg.Motion(motions[0].skeleton, 1 / 120, rotations, positions, name="CMU 60")
-
-
-def report(options):
-    """Print the tables."""
-    is_tiny = options.tiny
-    dances = [dance(seed=seed, strides=1 if is_tiny else 4) for seed in range(1 if is_tiny else 3)]
-    with tempfile.TemporaryDirectory() as unpacked:
-        if is_tiny:
-            dances = [dances[0][:300]]
-            minute, sources = dances[0].motion, {"tiny": [tiny_motion(), tiny_motion(2)]}
-        else:
-            data = Path(options.data)
-            minute = read_minute(data)
-            sources = {
-                name: read_source(name, data, Path(unpacked), options.frames)
-                for name in options.source or CHOSEN
-            }
-    warnings.simplefilter("ignore")
-    if options.only in (None, "speed"):
-        print_speed(dances[0].motion, minute)
-    if options.only in (None, "planted"):
-        print_planted(dances, sources)
-        print_event_offsets(dances)
-    if options.only in (None, "agreement"):
-        print_agreement(sources)
-    if options.only in (None, "segments"):
-        print_segments(sources, options.count)
-    if options.only in (None, "grafts"):
-        methods, splits = (["energy"], 1) if is_tiny else (METHODS, N_SPLITS)
-        print_grafts(sources, options.count, methods, splits)
-
-
-def main(argv=None):
-    """Run the bench."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("data", nargs="?", help="folder of the recordings of the experiments")
-    parser.add_argument("--only", choices=PARTS)
-    parser.add_argument("--source", action="append", choices=list(SOURCES), help="default: five")
-    parser.add_argument("--frames", type=int, default=MAX_FRAMES, help="frames of a source")
-    parser.add_argument("--count", type=int, default=2, help="grafts per clip")
-    return run(parser, report, argv)
+PARTS = {own.__name__: own for own in (planted, offsets, agreement, segments, grafts)}

@@ -10,6 +10,7 @@ clustering) → `graft` → `Graft.motion` → `write_bvh`.
 _HOMES = {
     "analysis.group_discovery": "GroupDiscovery",
     "analysis.segmentation": "kinetic_energy segment",
+    "blend.cycles": "cut_cycle",
     "blend.foot_planting": "FeetReport plant_feet",
     "blend.reach_completion": "ReachCompletion",
     "body.contacts": "foot_skate",

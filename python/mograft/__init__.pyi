@@ -9,6 +9,7 @@ from mograft import scenario as scenario
 from mograft.analysis.group_discovery import GroupDiscovery as GroupDiscovery
 from mograft.analysis.segmentation import kinetic_energy as kinetic_energy
 from mograft.analysis.segmentation import segment as segment
+from mograft.blend.cycles import cut_cycle as cut_cycle
 from mograft.blend.foot_planting import FeetReport as FeetReport
 from mograft.blend.foot_planting import plant_feet as plant_feet
 from mograft.blend.reach_completion import ReachCompletion as ReachCompletion

@@ -265,6 +265,24 @@ def test_graft_folder_leaves_out_clips_in_one_line(succeed, run, folder, tmp_pat
     assert "must have at least 2 frames, got 1" in err
 
 
+def test_export_cycle_writes_what_cut_cycle_returns(succeed):
+    motion = dance(strides=4).motion[550:700]
+    mg.write_bvh(motion, "walk.bvh")
+    cycle, frames = mg.cut_cycle(mg.read_bvh("walk.bvh"))
+    mg.write_bvh(cycle, "python.bvh")
+    words = "export", "walk.bvh", "--cycle", "-o", "program.bvh", "--json"
+    document = json.loads(succeed(*words)[0])
+    assert Path("program.bvh").read_bytes() == Path("python.bvh").read_bytes()
+    assert document["cycles"] == [list(frames)]
+    words = "export", "walk.bvh", "--frames", "5-140", "--cycle", "2", "-o", "part.bvh", "--json"
+    first, last = json.loads(succeed(*words)[0])["cycles"][0]
+    part, (start, stop) = mg.cut_cycle(mg.read_bvh("walk.bvh")[5:141], 2.0)
+    assert (first, last) == (start + 5, stop + 5)
+    assert mg.read_bvh("part.bvh").n_frames == part.n_frames
+    document = json.loads(succeed("info", "program.bvh", "--json")[0])
+    assert document["files"][0]["loop"]
+
+
 def test_export_of_grafts_keeps_their_provenance(succeed, figure, tmp_path):
     (tmp_path / "in").mkdir()
     succeed("graft", figure, "-n", 2, "-o", "in/new.glb")

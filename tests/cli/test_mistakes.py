@@ -134,6 +134,8 @@ MISTAKES = [
     ("export a.bvh -o x.fbx", USAGE, "-o cannot be .fbx: write .glb or .bvh"),
     ("plot pie a.bvh -o x.png", USAGE, "must be one of strip, timeline, energy,"),
     ("plot pca a.bvh -o x.jpg", USAGE, "-o must be a file that ends in .png, .svg, .pdf"),
+    ("export --cycle a.bvh -o x.bvh", USAGE, "seconds above 0, or no value, after FILE, for the"),
+    ("export a.bvh -o x.bvh --cycle 9", RUNTIME, "has no cycle of 6.75 to 11.2 s"),
     ("export a.bvh -o x.gif --size 160", USAGE, "must be WIDTHxHEIGHT, such as 720x480, got 160"),
     ("export a.bvh -o x.gif --scale cm", USAGE, "--scale requires .glb, .usd"),
     ("index a.bvh -o x.bvh", USAGE, "-o must be a folder, got x.bvh"),

@@ -89,7 +89,7 @@ def test_cache_returns_what_was_written_for_the_same_version_only(tmp_path):
 def test_every_experiment_writes_its_tables(tmp_path):
     refusals = run.write_tables(run.measure_tiny(), {"salsa A": [1, 2, 3]}, tmp_path)
     written = {path.stem.split("-")[0] for path in tmp_path.glob("*.csv")}
-    names = {own.NAME.split("-")[0] for own in run.experiments()}
+    names = {own.NAME.split("-")[0] for own in [*run.experiments(), *run.studies()]}
     assert written - {"refused"} == names - {name for name, *_ in refusals} | {
         *("sources", "constants", "code")
     }
@@ -100,7 +100,8 @@ def test_every_experiment_writes_its_tables(tmp_path):
 def test_stale_results_are_named_and_marked_in_their_figures(tmp_path):
     for path in RESULTS.glob("*.csv"):
         shutil.copy(path, tmp_path)
-    codes = [(own.NAME, cache.code_version(own)) for own in run.experiments()]
+    every = [*run.experiments(), *run.studies()]
+    codes = [(own.NAME, run.version_of(own)) for own in every]
     head = ("experiment", "code")
     tables.write_csv(tables.Table(head, codes), tmp_path / run.CODE)
     assert run.stale_experiments(tmp_path) == set()
@@ -229,7 +230,7 @@ def test_study_tiny_run_completes_without_output(name, capsys):
 
 
 def test_unknown_section_is_refused_with_the_known_ones():
-    assert "behaviours" in main(["nothing"])
+    assert "seams" in main(["nothing"])
 
 
 @pytest.mark.parametrize("topics", [FEW_TOPICS, ALL_TOPICS], ids=len)

@@ -10,13 +10,14 @@ from mograft._util.atomic import write_bytes
 from mograft._util.extras import import_extra
 from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
 from mograft.analysis.group_discovery import GroupDiscovery
+from mograft.blend.cycles import cut_cycle
 from mograft.body.groups import JointGroups
 from mograft.cli import configuration, files
 from mograft.cli.graft_files import open_page
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import ExportOptions, PlotOptions, ViewOptions
-from mograft.cli.syntax.values import Range, resolve_frames
+from mograft.cli.syntax.values import resolve_frames
 from mograft.config import Config
 from mograft.errors import join_names
 from mograft.io.bvh.writer import write_bvh
@@ -227,11 +228,12 @@ def run_export(options: ExportOptions) -> int:
     configuration.refuse_useless_options(options, _ENDINGS_OF_OPTION, ending)
     files.check_writable([target], force=options.force, inputs=sources)
     groups, _, skeleton = configuration.figure_settings(options, sources)
-    motions = [
-        _select_frames(read_clip(name, skeleton=skeleton), options.frames) for name in sources
-    ]
+    selected = [_select_frames(read_clip(name, skeleton=skeleton), options) for name in sources]
+    motions = [motion for motion, _ in selected]
     target.parent.mkdir(parents=True, exist_ok=True)
     document: dict[str, Any] = {"file": str(target)}
+    if options.cycle is not None:
+        document["cycles"] = [frames for _, frames in selected]
     if ending in _FILMS:
         document |= _write_film(motions, target, groups, options)
     else:
@@ -260,11 +262,20 @@ def run_export(options: ExportOptions) -> int:
     return 0
 
 
-def _select_frames(motion: Motion, given: Range | None) -> Motion:
-    if given is None:
-        return motion
-    first, last = files.frame_range(motion, given)
-    return motion[first : last + 1]
+def _select_frames(motion: Motion, options: ExportOptions) -> tuple[Motion, tuple[int, int]]:
+    """Return the frames that ``--frames`` and ``--cycle`` select, and the first and last one."""
+    first, last = files.frame_range(motion, options.frames)
+    if options.frames is not None:
+        motion = motion[first : last + 1]
+    if options.cycle is None:
+        return motion, (first, last)
+    seconds = None if isinstance(options.cycle, str) else options.cycle
+    motion, (start, stop) = cut_cycle(motion, seconds)
+    frames = first + start, first + stop
+    print_remark(
+        f"{motion.name}: frames {frames[0]}-{frames[1]}, a loop of {motion.duration:.3g} s"
+    )
+    return motion, frames
 
 
 def _write_figure(
@@ -276,7 +287,8 @@ def _write_figure(
     if characters and target.suffix.lower() == ".glb" and not options.given("scale", "groups"):
         character = characters.pop(0)
         path = character.container.path
-        keeps_all = str(path) in options.files and options.frames is None and options.rate is None
+        keeps_all = str(path) in options.files and options.rate is None
+        keeps_all &= options.frames is None and options.cycle is None
         added = [own for own in motions if not (keeps_all and own.path == path)]
         write_character(character, added, target, keeps_animations=keeps_all)
         print_remark(f"{target.name}: meshes and skin of {path}; metres, y up")

@@ -38,6 +38,7 @@ class Argument:
     count: str | None = None  # ``nargs`` of a positional argument.
     is_positional: bool = False
     is_required: bool = False
+    implied: str | None = None  # The value of an option that is given without one.
     alternative: str | None = None  # An option that may be given instead of a required one.
     is_expert: bool = False  # Whether only ``--help-all`` shows it.
     is_setting: bool = False  # Whether the configuration file and the environment may set it.

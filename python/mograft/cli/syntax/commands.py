@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
+from mograft._util.names import AUTOMATIC
 from mograft.cli.syntax import datasets, options, values
 from mograft.cli.syntax.arguments import Command, Options, option, positional, setting
 from mograft.cli.syntax.converters import Value, choice
@@ -198,7 +199,7 @@ class PlotOptions(options.LibraryOptions, options.WriterOptions):
 
 
 class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.WriterOptions):
-    """Write motions in other file formats.
+    """Write motions in other file formats, or cut a loop out of them.
 
     The suffix of the file selects the format: an animated figure (.glb; .usd, .usda or .usdc, which
     need mograft[usd]), a film (.mp4 or .gif, which need mograft[video]), or tables of channel
@@ -210,6 +211,11 @@ class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.Writ
     )
     output: values.File = option("file to write", short="-o", is_required=True)
     frames: values.Frames | None = option("frames, or times as 3s-4s, to write (default: all)")
+    cycle: values.Cycle | None = option(
+        "write only one cycle, such as two steps of a walk, closed into a loop that still covers "
+        "ground: of about S seconds (default: the shortest)",
+        implied=AUTOMATIC,
+    )
     rate: values.Rate | None = setting(
         "frame rate of the output (default: that of the input; .mp4 at most 60, .gif at most 20)"
     )
@@ -218,10 +224,11 @@ class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.Writ
         "number of metres (default: the unit that gives the figure human height)"
     )
     like: values.Source | None = option(
-        "AMASS file whose unchanged arrays an .npz takes (default: write the arrays of mograft)"
+        "AMASS file whose unchanged arrays an .npz takes (default: write the arrays of mograft)",
+        is_expert=True,
     )
     tracker: Literal["mjlab", "beyondmimic"] | None = option(
-        "write an .npz of a robot for this tracker"
+        "write an .npz of a robot for this tracker", is_expert=True
     )
     groups: values.Groups | None = options.groups_option(
         f"{_FIGURE_COLOURS} of a figure or film", "trunk, arms and legs"
@@ -230,11 +237,13 @@ class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.Writ
     dark: bool = setting("draw a film in light colours on a dark background")
     renderer: Literal["capsules", "browser"] | None = setting(
         "what draws a film: capsules, or the browser, with the mesh of the character (needs "
-        "mograft[browser]; default: capsules)"
+        "mograft[browser]; default: capsules)",
+        is_expert=True,
     )
     character: values.File | None = option(
         "glTF file whose mesh a film shows, with --renderer browser (default: the file of the "
-        "motion, if it is glTF)"
+        "motion, if it is glTF)",
+        is_expert=True,
     )
 
 

@@ -131,6 +131,8 @@ def _keywords(argument: Argument, *, is_short: bool) -> dict[str, Any]:
     keywords = {**keywords, "type": argument.value.convert, "metavar": argument.value.placeholder}
     if argument.is_positional:
         return {**keywords, "nargs": argument.count}
+    if argument.implied is not None:
+        keywords |= {"nargs": "?", "const": argument.value.convert(argument.implied)}
     action = "append" if argument.is_repeated else "store"
     required = argument.is_required and argument.alternative is None
     return {**keywords, "action": action, "required": required, "dest": argument.dest}

@@ -180,6 +180,13 @@ def unit(text: str) -> float | str:
     return number
 
 
+@parser("must be seconds above 0, or no value, after FILE, for the shortest cycle")
+def cycle_seconds(text: str) -> float | str:
+    """Parse the duration of a cycle, or ``auto`` for the shortest one."""
+    seconds: float | str = text if text == AUTOMATIC else _positive(text)
+    return seconds
+
+
 def names(text: str) -> tuple[str, ...]:
     """Parse words that are separated by commas."""
     return tuple(text.split(","))
@@ -373,6 +380,7 @@ Size = Annotated[tuple[int, int], Value("WIDTHxHEIGHT", picture_size)]
 Receiver = Annotated[tuple[str, int], Value("HOST[:PORT]", receiver)]
 Listener = Annotated[tuple[str, int], Value("[HOST:]PORT", listener)]
 Unit = Annotated[float | str, Value("UNIT|X", unit)]
+Cycle = Annotated[float | str, Value("S", cycle_seconds)]
 Source = Annotated[str, Value("FILE", is_path=True)]
 SourceOrFolder = Annotated[str, Value("FILE|DIR", is_path=True)]
 LibraryOrFile = Annotated[str, Value("LIB|FILE", is_path=True)]
