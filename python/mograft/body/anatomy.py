@@ -111,7 +111,9 @@ def find_joint(skeleton: Skeleton, name: str, *, is_part: bool = False) -> int:
     ValueError if there is no such joint or more than one. The message names the joint of the body
     part that the name means, as names differ between figures, or else the most similar name.
     """
-    joint = None if name in skeleton.names else _counterpart(skeleton, name)
+    if name in skeleton.names:
+        return skeleton.index(name)
+    joint = _counterpart(skeleton, name)
     if joint is None and is_part and not suggest_name(name, skeleton.names):
         raise ValueError(
             f"no joint or body part is named {name!r}, but {join_names(skeleton.names, 24)}, and "
