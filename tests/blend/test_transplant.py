@@ -208,6 +208,22 @@ def test_transplant_constant_translations_keep_bone_lengths_of_base(lengths, see
     assert part.positions is None  # those of the base
 
 
+@pytest.mark.parametrize(
+    ("values", "changes", "message"),
+    [
+        ("rotations", np.nan, "`rotations` must be finite, got nan"),
+        ("rotations", 0.5, "`rotations` must be unit quaternions"),
+        ("positions", np.inf, "`positions` must be"),
+    ],
+)
+def test_recombine_invalid_part_raises_value_error(values, changes, message):
+    base, _, _, part = random_graft(np.array([5, 6]), 1, Config(), moving=(3,))
+    wrong = getattr(part, values).copy()
+    wrong[3, 1] = changes * wrong[3, 1]
+    with pytest.raises(ValueError, match=message):
+        recombine(base, [replace(part, **{values: wrong})], "new")
+
+
 def test_recombine_without_channel_values_has_none():
     cut = tile_segments(np.array([5, 6]))
     base = replace(random_star_clip(np.random.default_rng(1), cut), channel_values=None)

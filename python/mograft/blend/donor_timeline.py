@@ -193,9 +193,16 @@ class DonorTimeline:
         follows = donors.clip[1:] == donors.clip[:-1]
         follows &= donors.start[1:] == donors.stop[:-1]
         others = np.flatnonzero(~seams & ~follows)
-        ends = _three_frames(tracks, joints, donors.clip[others], donors.stop[others])
-        starts = _three_frames(tracks, joints, donors.clip[others + 1], donors.start[others + 1])
-        seams[others] = (ends != starts).any(axis=tuple(range(1, ends.ndim)))
+        # Almost all differ in the first joint.
+        for columns, offset in ((joints[:1], 0), (joints, 0), (joints, -1), (joints, 1)):
+            if not len(others):
+                break
+            clips = donors.clip[np.concatenate([others, others + 1])]
+            frames = np.concatenate([donors.stop[others], donors.start[others + 1]]) + offset
+            ends, starts = np.split(_frames(tracks, columns, clips, frames), 2)
+            differs = (ends != starts).any(axis=(1, 2))
+            seams[others[differs]] = True
+            others = others[~differs]
         return seams
 
 
@@ -233,9 +240,10 @@ class DonorLayout:
 
     def _close(self, space: ValueSpace) -> FloatArray:
         timeline, config, treatment = self.timeline, self.config, SEAM_TREATMENTS[self.config.seam]
-        times, kept = timeline.frame_times(), timeline.kept_rows
+        kept = timeline.kept_rows
         if not self.tracks(space)[0].shape[1]:
             return np.empty((len(kept), *self.tracks(space)[0].shape[1:]))
+        times = timeline.frame_times()
         rows, boundaries = timeline.sample(space, self.tracks(space), times), self.boundaries(space)
         frames = SegmentTimes(times.segment[kept], times.frames[kept])
         closed = ClosedFrames(
@@ -252,15 +260,12 @@ class DonorLayout:
         return treatment.smooth(closed)
 
 
-def _three_frames(
+def _frames(
     tracks: Sequence[FloatArray], joints: IntArray, clips: IntArray, frames: IntArray
 ) -> FloatArray:
-    """Return the values in each given frame and its two neighbours; NaN outside the clip."""
-    near = np.empty((len(frames), 3, len(joints), tracks[0].shape[2]))
-    for clip in np.unique(clips):
-        rows = np.flatnonzero(clips == clip)
-        wanted, last = frames[rows][:, None] + [-1, 0, 1], len(tracks[clip]) - 1
-        values = tracks[clip][wanted.clip(0, last)[..., None], joints]
-        values[(wanted < 0) | (wanted > last)] = np.nan
-        near[rows] = values
-    return near
+    """Return the values of joints in frames, (n, n_joints, 4 or 3); NaN outside the clip."""
+    found = np.full((len(frames), len(joints), tracks[0].shape[2]), np.nan)
+    for clip in np.unique(clips).tolist():
+        rows = np.flatnonzero((clips == clip) & (frames >= 0) & (frames < len(tracks[clip])))
+        found[rows] = tracks[clip][frames[rows][:, None], joints]
+    return found
