@@ -12,6 +12,7 @@ from mograft.blend.trunk_lean import TrunkLean
 from mograft.body.anatomy import feature_joints
 from mograft.body.capsules import Poses
 from mograft.body.contacts import find_legs
+from mograft.body.groups import suggest_groups
 from mograft.body.loops import is_loop
 from mograft.body.size import resize
 from mograft.config import Config
@@ -75,7 +76,7 @@ def resolve_segments(
         if group is not None and group not in groups:
             raise ValueError(
                 f"`group` of {type(constraint).__name__} must be an exchanged group, one of "
-                f"{join_names(groups)}; got {group!r}{suggest_name(group, groups)}"
+                f"{join_names(groups)}; got {group!r}{suggest_groups(group, groups)}"
             )
     return [
         replace(
