@@ -140,6 +140,7 @@ STYLES = {
     "CutMix": ("P", INK),
     "motion matching": ("X", INK),
     "GenMM, upper body": ("*", INK),
+    "mirror": ("<", INK),
 }
 """Marker and colour of the methods in `tradeoff`: lines of several settings, or one point."""
 

@@ -9,7 +9,7 @@ the other. At most 12 clips of each source.
 
 The comparison is at the newness of the default: the curve of a method is interpolated linearly
 between its two settings on either side. Methods that reach it with no setting, or that have only
-one, have no value.
+one, have no value. Motion graphs are left out: they make new legs, whose frames have no base.
 """
 
 import warnings
@@ -35,7 +35,7 @@ MIN_BLOCKS = 10
 MIN_CHANGE = np.radians(1.0)
 DEFAULT = ("balls", mg.Config().sigma_scale)
 SCALES = (0.25, 0.5, 0.75, 1.0, 1.5)
-QUICK_SETTINGS = (("balls", 0.75), ("noise", 2.0), ("noise", 16.0))
+QUICK_SETTINGS = (("balls", 0.75), ("mirror", 1.0), ("noise", 2.0), ("noise", 16.0))
 
 
 def settings():
@@ -57,6 +57,7 @@ def settings():
     found |= {
         (name, 1.0): _generator(name) for name in ("CutMix", "motion matching", "GenMM, upper body")
     }
+    found["mirror", 1.0] = _mirror
     return found | {("noise", degrees): _noise(degrees) for degrees in (2.0, 8.0, 16.0)}
 
 
@@ -79,6 +80,14 @@ def _rule(method):
 def _generator(name):
     generator = next(own for own in catalogue.GENERATORS if own.name == name)
     return lambda studio, clip: studio.make(generator, clip, N_RUNS)[0]
+
+
+def _mirror(studio, clip):
+    """Return the legs of a clip with the upper body of its mirror image, at the same frames."""
+    base = studio.library.clips[clip]
+    turns = base.rotations.copy()
+    turns[:, studio.joints] = mg.mirror(base).rotations[:, studio.joints]
+    return [replace(base, rotations=turns, channel_values=None)]
 
 
 def _noise(degrees):

@@ -18,6 +18,11 @@ from mograft.motion import rotations
 from tests.oracles import analysis as oracle
 from tests.strategies import SEEDS, few_examples, motions, quaternions
 
+INDICES = st.one_of(
+    st.slices(9),
+    npst.arrays(np.bool_, 9),
+    npst.arrays(np.int64, st.integers(0, 20), elements=st.integers(-9, 8)),
+)
 CURVES = npst.arrays(np.float64, st.integers(4, 200), elements=st.floats(0, 1e3))
 
 
@@ -173,3 +178,23 @@ def test_given_cut_frames_are_neither_merged_nor_split(frames):
     expected = np.unique([0, *frames, DANCER.n_frames - 1])
     for method in (frames, lambda _: np.array(frames), {DANCER.name: frames}):
         np.testing.assert_array_equal(bounds_of(segment(DANCER, method=method)), expected)
+
+
+@given(INDICES)
+def test_segments_selected_equal_segments_of_selected_frames(indices):
+    start = np.arange(0, 90, 10)
+    segments = Segments(start, start + np.arange(1, 10), start % 4)
+    chosen = segments[indices]
+    expected = Segments(start[indices], segments.stop[indices], segments.clip[indices])
+    for name in ("start", "stop", "clip"):
+        column = getattr(chosen, name)
+        np.testing.assert_array_equal(column, getattr(expected, name))
+        assert column.flags.c_contiguous
+        assert not column.flags.writeable
+        assert not np.shares_memory(column, getattr(segments, name))
+
+
+def test_segments_indices_of_two_axes_raise_value_error():
+    segments = Segments([0, 8], [8, 15])
+    with pytest.raises(ValueError, match="`start` must have shape"):
+        segments[np.array([[0, 1]])]

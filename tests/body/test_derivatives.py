@@ -13,9 +13,15 @@ MOTION = dance(strides=1).motion
 
 
 @few_examples(20)
-@given(st.integers(1, 60), st.sets(st.integers(0, MOTION.n_joints - 1)), st.integers(1, 5))
-def test_derivatives_agree_with_differences_of_arrays(n_frames, chosen, step):
-    motion, joints = MOTION[:n_frames], np.array(sorted(chosen), np.int64)
+@given(
+    st.integers(0, 30),
+    st.integers(1, 60),
+    st.sets(st.integers(0, MOTION.n_joints - 1)),
+    st.integers(1, 5),
+)
+def test_derivatives_agree_with_differences_of_arrays(start, n_frames, chosen, step):
+    frames = slice(start, start + n_frames)
+    motion, joints = MOTION[frames], np.array(sorted(chosen), np.int64)
 
     def differences(values, order):
         for _ in range(order):
@@ -34,3 +40,5 @@ def test_derivatives_agree_with_differences_of_arrays(n_frames, chosen, step):
     expected = np.zeros((n_frames, len(joints)))
     expected[step : step + len(third)] = np.linalg.norm(third, axis=-1)
     np.testing.assert_allclose(world_jerk(motion, joints, step), expected, rtol=1e-9, atol=1e-9)
+    of_frames = world_jerk(MOTION, joints, step, frames)
+    np.testing.assert_array_equal(of_frames, world_jerk(motion, joints, step))

@@ -10,6 +10,7 @@ import pytest
 
 import mograft as mg
 from mograft import formats
+from mograft.constraints import Avoid, Capsule
 from mograft.dancer import dance
 from mograft.io.gltf.container import read_accessor, read_container
 from mograft.viewing.scene import Scene
@@ -281,6 +282,18 @@ def test_export_cycle_writes_what_cut_cycle_returns(succeed):
     assert mg.read_bvh("part.bvh").n_frames == part.n_frames
     document = json.loads(succeed("info", "program.bvh", "--json")[0])
     assert document["files"][0]["loop"]
+
+
+def test_export_turn_and_avoid_write_what_bend_returns(succeed):
+    mg.write_bvh(dance(strides=8).motion[2040:2281], "walk.bvh")
+    walk = mg.read_bvh("walk.bvh")
+    x, _, z = walk.world_positions()[160, 0].tolist()
+    pillar = Avoid(Capsule((x, 0.0, z), (x, 200.0, z), 10.0), frames=(120, 200))
+    mg.write_bvh(mg.scenario.bend(walk, np.radians(-20.0), [pillar]), "python.bvh")
+    place = f"capsule:{x!r},0,{z!r},{x!r},200,{z!r},10@120-200"
+    words = "export", "walk.bvh", "--turn", "-20", "--avoid", place
+    succeed(*words, "-o", "program.bvh")
+    assert Path("program.bvh").read_bytes() == Path("python.bvh").read_bytes()
 
 
 def test_export_of_grafts_keeps_their_provenance(succeed, figure, tmp_path):

@@ -122,6 +122,17 @@ MISTAKES = [
     ("graft a.bvh -o x --groups larm,rarm", USAGE, "larm,rarm is no preset: use --groups "
      "lower_torso_larm_rarm --swap larm,rarm"),
     ("plot pca a.bvh -o x.png --group arms", RUNTIME, "--groups lower_torso_arms, of files or"),
+    ("graft a.bvh -o x --groups lower_torso_arms --swap left_hand", RUNTIME, "--groups "
+     "lower_torso_larm_rarm, of files or of a new library"),
+    ("graft a.bvh -o x --ban head:3", RUNTIME, "--groups lower_torso_head_larm_rarm, of files or"),
+    ("groups a.bvh --preset arms", USAGE, "arms is no preset: use lower_torso_arms"),
+    ("graft a.bvh -o x --outputs 3", USAGE, "did you mean '-n', the number of motions?"),
+    ("curate lib -n 3", USAGE, "unexpected words -n 3; mograft curate --help-all lists all"),
+    ("augment lib -o x -n 2 --split 50", RUNTIME, "--split must be a CSV file of clips and parts"),
+    ("graft a.bvh -o x --reach 30:LeftHand:@sword+0,0,0", RUNTIME, "no joint or body part is named "
+     "'sword', but Hips, LeftUpLeg, LeftLeg, "),
+    ("graft a.bvh -o x --avoid sphere:0,0,0,500", INFEASIBLE, "mograft export BASE -o new.bvh "
+     "--avoid ... leads a walk round an obstacle"),
     # Outputs
     ("graft a.bvh", USAGE, "one of -o and --into is required, got none"),
     ("graft a.bvh -o x --into y.glb", USAGE, "one of -o and --into is required, got both"),
@@ -136,6 +147,8 @@ MISTAKES = [
     ("plot pca a.bvh -o x.jpg", USAGE, "-o must be a file that ends in .png, .svg, .pdf"),
     ("export --cycle a.bvh -o x.bvh", USAGE, "seconds above 0, or no value, after FILE, for the"),
     ("export a.bvh -o x.bvh --cycle 9", RUNTIME, "has no cycle of 6.75 to 11.2 s"),
+    ("export a.bvh -o x.bvh --turn left", USAGE, "must be an angle in degrees, got left"),
+    ("export a.bvh -o x.bvh --turn 9999", RUNTIME, "--turn must be at most "),
     ("export a.bvh -o x.gif --size 160", USAGE, "must be WIDTHxHEIGHT, such as 720x480, got 160"),
     ("export a.bvh -o x.gif --scale cm", USAGE, "--scale requires .glb, .usd"),
     ("index a.bvh -o x.bvh", USAGE, "-o must be a folder, got x.bvh"),

@@ -98,6 +98,19 @@ def test_change_of_equal_length_moves_as_donor_far_from_both_ends(library, graft
 
 
 @few_examples(12)
+@given(st.integers(0, 600), st.integers(16, 80))
+def test_change_back_to_captured_part_is_exact_in_half_of_a_short_range(library, graft, start, n):
+    frames = (start, start + n)
+    changed = mg.change(graft, "larm", frames, (library.names[0], *frames))
+    joints, edge = library.joints("larm"), 2 * int(np.ceil(n / 8)) + 1
+    middle = np.arange(start + edge, start + n - edge + 1)
+    angles = rotations.angle(
+        changed.motion.rotations[middle][:, joints], graft.base.rotations[middle][:, joints]
+    )
+    assert angles.max() < 1e-6
+
+
+@few_examples(12)
 @given(st.data())
 def test_several_changes_and_edits_replay_to_the_same_bytes(library, graft, data):
     """One request with all changes, as replayed, equals the changes one after the other."""

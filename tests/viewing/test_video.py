@@ -173,6 +173,18 @@ def test_write_video_invalid_arguments_raise_value_error(motion, tmp_path, optio
         write_video(motion, tmp_path / "none" / "m.gif", size=SIZE)
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no sessions")
+def test_write_video_keeps_ctrl_c_from_ffmpeg(motion, tmp_path, monkeypatch):
+    program = tmp_path / "ffmpeg"
+    text = "import os, sys; sys.exit(f'leads its session: {os.getsid(0) == os.getpid()}')"
+    program.write_text(f"#!{sys.executable}\n{text}\n")
+    program.chmod(0o755)
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(OSError, match="leads its session: True"):
+        write_video(motion, tmp_path / "new.mp4", size=(64, 64))
+
+
 def test_write_video_failing_ffmpeg_raises_os_error_with_message(motion, tmp_path, monkeypatch):
     (tmp_path / "ffmpeg").write_text("#!/bin/sh\necho 'no such codec' >&2\nexit 3\n")
     (tmp_path / "ffmpeg").chmod(0o755)

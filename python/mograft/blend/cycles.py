@@ -129,9 +129,8 @@ def _features(motion: Motion) -> FloatArray:
     velocities = np.gradient(places, motion.frame_time, axis=0, edge_order=2)
     origins = places[:, [root]] * (np.arange(3) != up)
     body = motion.skeleton.subtree_mask([root])
-    both = np.concatenate([places - origins, _VELOCITY_SECONDS * velocities], axis=2)[:, body]
-    both = np.concatenate([rotations.rotate(headings, own) for own in np.split(both, 2, axis=2)])
-    both = np.concatenate(np.split(both, 2), axis=1).reshape(motion.n_frames, -1)
+    both = np.concatenate([places - origins, _VELOCITY_SECONDS * velocities], axis=1)
+    both = rotations.rotate(headings, both[:, np.tile(body, 2)]).reshape(motion.n_frames, -1)
     return both / (mass_model(motion.skeleton).height * np.sqrt(body.sum()))
 
 

@@ -1,12 +1,12 @@
 """Donor segments stretched to replace base segments: their values at any time, and their seams."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, split_by_counts
 from mograft.blend.rigid_alignment import AlignmentTransform
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import (
@@ -22,6 +22,9 @@ from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.resample import clip_states, sample_clips
 from mograft.motion.segments import Segments
+
+_MAX_KNOWN_VALUES = 1 << 21
+"""Greatest number of numbers in a `SampledDonors`: 16 MiB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,10 +196,45 @@ class DonorTimeline:
         follows = donors.clip[1:] == donors.clip[:-1]
         follows &= donors.start[1:] == donors.stop[:-1]
         others = np.flatnonzero(~seams & ~follows)
-        ends = _three_frames(tracks, joints, donors.clip[others], donors.stop[others])
-        starts = _three_frames(tracks, joints, donors.clip[others + 1], donors.start[others + 1])
-        seams[others] = (ends != starts).any(axis=tuple(range(1, ends.ndim)))
+        # Almost all differ in the first joint.
+        for columns, offset in ((joints[:1], 0), (joints, 0), (joints, -1), (joints, 1)):
+            if not len(others):
+                break
+            clips = donors.clip[np.concatenate([others, others + 1])]
+            frames = np.concatenate([donors.stop[others], donors.start[others + 1]]) + offset
+            ends, starts = np.split(_frames(tracks, columns, clips, frames), 2)
+            differs = (ends != starts).any(axis=(1, 2))
+            seams[others[differs]] = True
+            others = others[~differs]
         return seams
+
+
+class SampledDonors:
+    """The rotations of stretched donors that were computed last, for one joint group.
+
+    Self-repair assembles most donors of a motion several times.
+    """
+
+    def __init__(self) -> None:
+        self._rows: dict[tuple[int, ...], FloatArray] = {}
+        self._n_values = 0
+
+    def __reduce__(self) -> tuple[type["SampledDonors"], tuple[()]]:
+        return SampledDonors, ()
+
+    def rows(
+        self, keys: Sequence[tuple[int, ...]], compute: Callable[[IntArray], list[FloatArray]]
+    ) -> FloatArray:
+        """Return the rows of all keys; `compute` is called with the indices of unknown ones."""
+        found = [self._rows.get(key) for key in keys]
+        missing = [index for index, own in enumerate(found) if own is None]
+        for index, own in zip(missing, compute(np.array(missing, np.int64)), strict=True):
+            if self._n_values + own.size > _MAX_KNOWN_VALUES:
+                self._rows.clear()
+                self._n_values = 0
+            self._rows[keys[index]] = found[index] = own
+            self._n_values += own.size
+        return np.concatenate([own for own in found if own is not None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,6 +246,8 @@ class DonorLayout:
     positions: Sequence[FloatArray]  # of the joints that translate, (n_frames, n_moving, 3)
     seams: BoolArray  # (n_segments - 1,): whether a segment ends with a seam
     config: Config  # gives `seam`, `seam_window` and `seam_blend`
+    # Known rotations of these clips, and the index of each donor's clip in the library.
+    known: tuple[SampledDonors, IntArray] | None = None
 
     def close(self) -> tuple[FloatArray, FloatArray]:
         """Return rotations and translations of all frames with closed gaps, after `smooth`."""
@@ -233,10 +273,11 @@ class DonorLayout:
 
     def _close(self, space: ValueSpace) -> FloatArray:
         timeline, config, treatment = self.timeline, self.config, SEAM_TREATMENTS[self.config.seam]
-        times, kept = timeline.frame_times(), timeline.kept_rows
+        kept = timeline.kept_rows
         if not self.tracks(space)[0].shape[1]:
             return np.empty((len(kept), *self.tracks(space)[0].shape[1:]))
-        rows, boundaries = timeline.sample(space, self.tracks(space), times), self.boundaries(space)
+        times = timeline.frame_times()
+        rows, boundaries = self._sample(space, times), self.boundaries(space)
         frames = SegmentTimes(times.segment[kept], times.frames[kept])
         closed = ClosedFrames(
             space=space,
@@ -251,16 +292,32 @@ class DonorLayout:
         )
         return treatment.smooth(closed)
 
+    def _sample(self, space: ValueSpace, times: SegmentTimes) -> FloatArray:
+        """Return the donors' values at all `frame_times` of the timeline."""
+        timeline, tracks = self.timeline, self.tracks(space)
+        is_plain = space is ROTATIONS and timeline.warp is None and timeline.alignment is None
+        n_values = len(times.frames) * tracks[0][0].size
+        if self.known is None or not is_plain or n_values > _MAX_KNOWN_VALUES:
+            return timeline.sample(space, tracks, times)
 
-def _three_frames(
+        def compute(segments: IntArray) -> list[FloatArray]:
+            if not len(segments):
+                return []
+            part = replace(timeline, cut=timeline.cut[segments], donors=timeline.donors[segments])
+            rows = part.sample(space, tracks, part.frame_times())
+            return split_by_counts(rows, part.cut.lengths + 1)
+
+        sampled, clips = self.known
+        columns = (clips, timeline.donors.start, timeline.donors.stop, timeline.cut.lengths)
+        return sampled.rows([*zip(*(own.tolist() for own in columns), strict=True)], compute)
+
+
+def _frames(
     tracks: Sequence[FloatArray], joints: IntArray, clips: IntArray, frames: IntArray
 ) -> FloatArray:
-    """Return the values in each given frame and its two neighbours; NaN outside the clip."""
-    near = np.empty((len(frames), 3, len(joints), tracks[0].shape[2]))
-    for clip in np.unique(clips):
-        rows = np.flatnonzero(clips == clip)
-        wanted, last = frames[rows][:, None] + [-1, 0, 1], len(tracks[clip]) - 1
-        values = tracks[clip][wanted.clip(0, last)[..., None], joints]
-        values[(wanted < 0) | (wanted > last)] = np.nan
-        near[rows] = values
-    return near
+    """Return the values of joints in frames, (n, n_joints, 4 or 3); NaN outside the clip."""
+    found = np.full((len(frames), len(joints), tracks[0].shape[2]), np.nan)
+    for clip in np.unique(clips).tolist():
+        rows = np.flatnonzero((clips == clip) & (frames >= 0) & (frames < len(tracks[clip])))
+        found[rows] = tracks[clip][frames[rows][:, None], joints]
+    return found

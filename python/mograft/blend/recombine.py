@@ -6,11 +6,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mograft import _core
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, as_floats, as_quaternions
 from mograft._util.runs import find_runs
 from mograft.analysis.channel_groups import ChannelKey, euler_angles
 from mograft.motion import rotations
-from mograft.motion.motion import Motion
+from mograft.motion.limits import MAX_COORDINATE
+from mograft.motion.motion import Motion, replace_unchecked
 from mograft.motion.skeleton import Skeleton
 
 MAX_ANGLE = 1e-4
@@ -46,10 +47,12 @@ def recombine(base: Motion, parts: Iterable[Part], name: str, *, spreads: bool =
     single: dict[ChannelKey, FloatArray] = {}
     # `parts` may be an iterator: the arrays of one part can be released before the next is made.
     for part in parts:
+        as_quaternions("rotations", part.rotations)
         changed[part.joints] = True
         quats, is_rotated = _replace_joints(quats, part.rotations, part.joints)
         _mark_derived(values, base.skeleton, part.joints, is_rotated, "rotation")
         if part.positions is not None:
+            as_floats("positions", part.positions, maximum=MAX_COORDINATE)
             positions, is_moved = _replace_joints(positions, part.positions, part.joints)
             _mark_derived(values, base.skeleton, part.joints, is_moved, "position")
         single |= part.angles
@@ -63,7 +66,8 @@ def recombine(base: Motion, parts: Iterable[Part], name: str, *, spreads: bool =
         changed |= spreads & base.skeleton.subtree_mask(np.flatnonzero(changed))
         known = base.skeleton.parents, quats, base.rotations, changed
         quats, values = hinges.keep(*known, base.rate), None  # angles replace channel values
-    return replace(
+    # The base and the parts are checked already.
+    return replace_unchecked(
         base,
         rotations=quats,
         positions=positions,

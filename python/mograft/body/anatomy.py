@@ -16,7 +16,7 @@ from mograft.body.joint_names import (
     read_names,
 )
 from mograft.body.limb_structure import recognise_structure, unbranched_chain
-from mograft.errors import suggest_name
+from mograft.errors import join_names, suggest_name
 from mograft.motion.skeleton import Skeleton
 
 _BONES_OF_END = {
@@ -111,7 +111,14 @@ def find_joint(skeleton: Skeleton, name: str, *, is_part: bool = False) -> int:
     ValueError if there is no such joint or more than one. The message names the joint of the body
     part that the name means, as names differ between figures, or else the most similar name.
     """
-    joint = None if name in skeleton.names else _counterpart(skeleton, name)
+    if name in skeleton.names:
+        return skeleton.index(name)
+    joint = _counterpart(skeleton, name)
+    if joint is None and is_part and not suggest_name(name, skeleton.names):
+        raise ValueError(
+            f"no joint or body part is named {name!r}, but {join_names(skeleton.names, 24)}, and "
+            "parts such as 'chest' or 'left hand'"
+        )
     if joint is None:
         return skeleton.index(name)
     if not is_part:

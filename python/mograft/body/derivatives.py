@@ -29,16 +29,19 @@ def greatest_derivatives(
     return derivatives[0], derivatives[1]
 
 
-def world_jerk(motion: Motion, joints: IntArray, step: int = 1) -> FloatArray:
+def world_jerk(
+    motion: Motion, joints: IntArray, step: int = 1, frames: slice = slice(None)
+) -> FloatArray:
     """Return the magnitude of the jerk of joints in the world, shape (n_frames, len(joints)).
 
     It is in units of the file per step³, from differences between frames that are `step` frames
     apart. A jerk is computed from the positions in four frames and assigned to the second. Frames
-    at the ends, to which none is assigned, have the value 0.
+    at the ends, to which none is assigned, have the value 0. Only the frames `frames` are read.
     """
-    jerks = np.zeros((motion.n_frames, len(joints)))
-    for read, assigned, own in _blocks(motion.n_frames, step):
-        quats, places = map(np.ascontiguousarray, (motion.rotations[read], motion.positions[read]))
+    rotations, positions = motion.rotations[frames], motion.positions[frames]
+    jerks = np.zeros((len(rotations), len(joints)))
+    for read, assigned, own in _blocks(len(rotations), step):
+        quats, places = map(np.ascontiguousarray, (rotations[read], positions[read]))
         found = _core.world_jerk(motion.skeleton.parents, quats, places, joints)
         jerks[assigned] = found[own]
     return jerks

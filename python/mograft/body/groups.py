@@ -21,7 +21,7 @@ from mograft.body.group_entries import (
     joint_label,
     read_groups,
 )
-from mograft.body.joint_names import ARM
+from mograft.body.joint_names import ARM, part_of_words, read_names
 from mograft.errors import join_names, suggest_name
 from mograft.motion.skeleton import Skeleton
 
@@ -39,10 +39,20 @@ def suggest_groups(name: object, groups: Collection[str]) -> str:
     close = suggest_name(name, groups)
     presets = [own for own, members in PRESETS.items() if name in members]
     presets = presets or [own for own, members in PRESETS.items() if suggest_name(name, members)]
+    presets = presets or [own for own, members in PRESETS.items() if _group_of(name) in members]
     if close or name in groups or not presets:
         return close
     what = f"`groups={presets[0]}`, of files or of a new library,"
     return f"; {what} has the groups {', '.join(PRESETS[presets[0]])}"
+
+
+def _group_of(name: object) -> str:
+    """Return the group of a preset that has the body part `name`, such as "left hand", or ""."""
+    (words,), (side,) = read_names((str(name).removesuffix("s"),))
+    part = part_of_words(words)
+    if part in (*ARM, "shoulder"):
+        return f"{side[0]}arm" if side else "arms"
+    return {"head": "head", "neck": "head", "trunk": "torso"}.get(part, "")
 
 
 _LABELS = {"upper": "upper body", "torso": "torso", "head": "neck or head", "arms": "arms"}

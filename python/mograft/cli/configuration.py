@@ -252,10 +252,7 @@ def read_constraints(options: ConstraintOptions, rate: float) -> list[Constraint
 
     Raise UsageError if an obstacle is invalid.
     """
-    found: list[Constraint] = [
-        Avoid(_read_obstacle(kind, numbers), frames=values.resolve_span(span, rate))
-        for kind, numbers, span in options.avoid
-    ]
+    found: list[Constraint] = [*read_obstacles(options.avoid, rate)]
     if options.avoid_self:
         found.append(AvoidSelf())
     for within, joint, part, place, tolerance in options.reach:
@@ -280,6 +277,16 @@ def read_constraints(options: ConstraintOptions, rate: float) -> list[Constraint
     if options.max_angle is not None:
         found.append(donor_constraints.MaxAngle(math.radians(options.max_angle)))
     return found
+
+
+def read_obstacles(
+    given: Sequence[tuple[str, tuple[float, ...], values.Range | None]], rate: float
+) -> list[Avoid]:
+    """Return the constraints that ``--avoid`` describes; see `read_constraints`."""
+    return [
+        Avoid(_read_obstacle(kind, numbers), frames=values.resolve_span(span, rate))
+        for kind, numbers, span in given
+    ]
 
 
 def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:

@@ -64,6 +64,11 @@ def assign_parts(library: Library, split: Split, seed: int = 0) -> list[str]:
     text = str(split)
     if text.startswith("auto:"):
         return _automatic_parts(library, text, seed)
+    if not (Path(text).suffix or Path(text).exists()):
+        raise ValueError(
+            "`split` must be a CSV file of clips and parts, auto:clip, auto:file or auto:tag; "
+            f"got {text!r}"
+        )
     return _parts_of_table(library, read_split(Path(text)), text)
 
 

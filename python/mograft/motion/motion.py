@@ -331,15 +331,22 @@ def select_frames(
 
     Without `has_channels`, channel values are left out.
     """
-    state = {own.name: getattr(motion, own.name) for own in fields(motion)}
+    state: dict[str, Any] = {"frame_time": frame_time}
     for name in ("rotations", "positions", "channel_values", "computed_values"):
+        values = getattr(motion, name)
         if name.endswith("_values") and not has_channels:
             state[name] = None
-        elif state[name] is not None:
-            state[name] = np.ascontiguousarray(state[name][frames])
-    selected = object.__new__(Motion)
-    set_fields(selected, {**state, "frame_time": frame_time})
-    return selected
+        elif values is not None:
+            state[name] = np.ascontiguousarray(values[frames])
+    return replace_unchecked(motion, **state)
+
+
+def replace_unchecked(motion: Motion, **changes: object) -> Motion:
+    """Return a motion with other fields, which are not checked; arrays become read-only."""
+    state = {own.name: getattr(motion, own.name) for own in fields(motion)}
+    changed = object.__new__(Motion)
+    set_fields(changed, state | changes)
+    return changed
 
 
 def _as_channel_array(

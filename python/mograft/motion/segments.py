@@ -62,7 +62,12 @@ class Segments:
         """Return the selected segments, in the order of `indices`."""
         if is_integer(indices):
             raise TypeError(f"`indices` must be a slice or an array, got {indices}")
-        return Segments(self.start[indices], self.stop[indices], self.clip[indices])
+        columns = {name: own[indices].copy() for name, own in vars(self).items()}
+        if columns["start"].ndim != 1:
+            return Segments(**columns)
+        chosen = object.__new__(Segments)  # what is selected from checked segments is not checked
+        set_fields(chosen, columns)
+        return chosen
 
     def __repr__(self) -> str:
         n_clips = len(np.unique(self.clip))

@@ -84,7 +84,11 @@ def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
         return _read_beside(file.with_suffix(".json") if is_motion else file)[0]
     grafts = open_clips(path).grafts
     if name not in grafts and (name is not None or len(grafts) != 1):
-        known = f"a graft, as in {path}#{next(iter(grafts))}" if grafts else "a graft"
+        known = (
+            f"a graft, as in {path}#{next(iter(grafts))}"
+            if grafts
+            else "a new motion of mograft graft"
+        )
         raise ProvenanceError(f"{path}: expected {known}, got {name or 'none'}")
     return _held_record(file, name or next(iter(grafts)))
 

@@ -1,5 +1,6 @@
-"""Scenarios: sequences of base segments, and the transition graph that they follow."""
+"""Scenarios: sequences of base segments, their transition graph, and walks on bent paths."""
 
+from mograft.scenario.bending import bend
 from mograft.scenario.path_following import follow
 from mograft.scenario.scenario import Repetition, Scenario, repetition
 from mograft.scenario.transition_graph import Transitions, transitions
@@ -9,6 +10,7 @@ __all__ = [
     "Repetition",
     "Scenario",
     "Transitions",
+    "bend",
     "fill",
     "follow",
     "repetition",

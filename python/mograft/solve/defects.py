@@ -80,7 +80,7 @@ class DefectMeasure:
         seam count for the positions on both sides. The others are 0 unless the position or one next
         to it has a substitution.
         """
-        peaks = greatest_derivatives(motion, self._joints, self._step)
+        derivatives = greatest_derivatives(motion, self._joints, self._step)
         depths, found, n_frames = self._floor_points.depths(motion), [], 0
         for excerpt in excerpts:
             positions = slice(excerpt.first, excerpt.stop)
@@ -88,32 +88,29 @@ class DefectMeasure:
             first, last = int(cut.start[0]), int(cut.stop[-1])
             # Frame f of the base is frame f + shift of `motion`.
             shift, n_frames = n_frames - first, n_frames + last - first + 1
+            frames = slice(first + shift, last + 1 + shift)
             is_changed = donors != self.problem.scenario[positions]
             is_near = dilate(is_changed)
-            seams = self._seam_amounts(cut, donors, is_changed, peaks, shift)
+            peaks = self._peaks_nearby([own[frames] for own in derivatives])
+            seams = self._seam_amounts(cut, donors, is_changed, peaks)
             jerks = self._jerk_amounts(motion, cut, donors, is_near, shift)
-            ratios = depths[first + shift : last + 1 + shift] / self._depth_limits(first, last + 1)
+            ratios = depths[frames] / self._depth_limits(first, last + 1)
             deepest = np.maximum.reduceat(ratios.max(axis=1, initial=0.0), cut.start - first)
             found.append(np.column_stack([*seams, jerks, np.where(is_near, deepest, 0.0)]))
         return found
 
     def _seam_amounts(
-        self,
-        cut: Segments,
-        donors: IntArray,
-        is_changed: BoolArray,
-        peaks: tuple[FloatArray, FloatArray],
-        shift: int,
+        self, cut: Segments, donors: IntArray, is_changed: BoolArray, peaks: FloatArray
     ) -> FloatArray:
         """Return acceleration and jerk at seams, divided by their limits, (2, n_positions).
 
-        `peaks` are those of the new motion. A seam is where a donor before or after it is not the
-        base segment.
+        `peaks` are the `_peaks_nearby` of the new motion from the first frame of `cut`. A seam is
+        where a donor before or after it is not the base segment.
         """
         before = np.flatnonzero(is_changed[:-1] | is_changed[1:])
-        frames, ends = cut.stop[before], (int(cut.start[0]) + shift, int(cut.stop[-1]) + shift)
-        peak = self._peaks_about(frames + shift, peaks, *ends)
-        reference = self._clip_peaks(self.problem.base, frames)
+        frames = cut.stop[before]
+        peak = peaks[:, frames - cut.start[0]]
+        reference = self._clip_peaks(self.problem.base)[:, frames]
         # Most seams are within the limit by the base alone.
         above = (peak > MAX_SEAM_RATIO * reference).any(axis=0)
         known = self._donor_peaks(donors[before[above]], donors[before[above] + 1])
@@ -124,32 +121,29 @@ class DefectMeasure:
         amounts[:, before + 1] = np.maximum(amounts[:, before + 1], ratios)
         return amounts
 
-    def _peaks_about(
-        self, frames: IntArray, derivatives: tuple[FloatArray, FloatArray], first: int, last: int
-    ) -> FloatArray:
+    def _peaks_nearby(self, derivatives: Sequence[FloatArray]) -> FloatArray:
         """Return the greatest acceleration and jerk within `_SEAM_SECONDS` of each frame, (2, n).
 
-        Only frames from `first` to `last` count.
+        Only differences between the n frames of `derivatives` count.
         """
-        half_width = max(round(_SEAM_SECONDS * self.problem.base.rate), 1)
-        around = frames[:, None] + np.arange(-half_width, half_width + 1)
-        rows, found = np.clip(around, 0, len(derivatives[0]) - 1), []
+        own = np.zeros((2, len(derivatives[0])))
         # A second difference reaches one step to both sides, a third one step further.
-        for values, reach in zip(derivatives, (1, 2), strict=True):
-            is_inside = (around >= first + self._step) & (around <= last - reach * self._step)
-            own = values[rows] * is_inside
-            found.append(own.max(axis=1, initial=0.0))
-        return np.stack(found)
+        for row, values, reach in zip(own, derivatives, (1, 2), strict=True):
+            inner = slice(self._step, max(len(row) - reach * self._step, 0))
+            row[inner] = values[inner]
+        peaks = own.copy()
+        for distance in range(1, self._half_width + 1):
+            np.maximum(peaks[:, distance:], own[:, :-distance], out=peaks[:, distance:])
+            np.maximum(peaks[:, :-distance], own[:, distance:], out=peaks[:, :-distance])
+        return peaks
 
-    def _clip_peaks(self, clip: Motion, frames: IntArray) -> FloatArray:
-        """Return the greatest acceleration and jerk of a recording near each frame, (2, n).
-
-        Near means within `_SEAM_SECONDS`.
-        """
+    def _clip_peaks(self, clip: Motion) -> FloatArray:
+        """Return the `_peaks_nearby` of a recording."""
         joints, step = self._joints, self._step
-        key = ("derivatives", joints.tobytes(), step)
-        derivatives = remember(clip, key, lambda: greatest_derivatives(clip, joints, step))
-        return self._peaks_about(frames, derivatives, 0, clip.n_frames - 1)
+        key = ("peaks", joints.tobytes(), step, self._half_width)
+        return remember(
+            clip, key, lambda: self._peaks_nearby(greatest_derivatives(clip, joints, step))
+        )
 
     def _donor_peaks(self, left: IntArray, right: IntArray) -> FloatArray:
         """Return the greatest acceleration and jerk near seams in the clips of both donors, (2, n).
@@ -162,7 +156,7 @@ class DefectMeasure:
         peaks = np.zeros((2, len(frames)))
         for clip in np.unique(clips).tolist():
             is_own = clips == clip
-            peaks[:, is_own] = self._clip_peaks(library.clips[clip], frames[is_own])
+            peaks[:, is_own] = self._clip_peaks(library.clips[clip])[:, frames[is_own]]
         return np.maximum(*np.split(peaks, 2, axis=1))
 
     def _jerk_amounts(
@@ -176,7 +170,8 @@ class DefectMeasure:
             own = bounds[start : start + _POSITIONS_PER_BLOCK + 1]
             first, end = int(own[0]), int(own[-1])
             low = max(first + shift - step, 0)
-            jerk = world_jerk(motion[low : end + shift + 2 * step], self._driven_joints, step)
+            read = slice(low, end + shift + 2 * step)
+            jerk = world_jerk(motion, self._driven_joints, step, read)
             jerk = jerk[first + shift - low : end + shift - low]
             # A third difference reaches from one step before to two behind.
             jerk[: max(begin + step - first, 0)] = 0.0
@@ -185,13 +180,15 @@ class DefectMeasure:
             block = slice(start, start + len(starts))
             amounts[block] = _greatest_ratios(jerk, limits, starts) * is_near[block]
             # Most positions are within the limits by the base alone.
-            for position in (start + np.flatnonzero(amounts[block] > 1.0)).tolist():
+            above = (start + np.flatnonzero(amounts[block] > 1.0)).tolist()
+            for position in above:
                 frames = slice(int(cut.start[position]) - first, int(cut.stop[position]) - first)
                 joints = np.flatnonzero((jerk[frames] > limits[frames]).any(axis=0))
                 near = donors[max(position - 1, 0) : position + 2]
                 known = self._donor_jerk_limits(near, joints)
                 limits[frames, joints] = np.maximum(limits[frames, joints], known)
-            amounts[block] = _greatest_ratios(jerk, limits, starts) * is_near[block]
+            if above:
+                amounts[block] = _greatest_ratios(jerk, limits, starts) * is_near[block]
         return amounts
 
     def _donor_jerk_limits(self, donors: IntArray, joints: IntArray) -> FloatArray:
@@ -229,6 +226,11 @@ class DefectMeasure:
         return max(round(_STEP_SECONDS * self.problem.base.rate), 1)
 
     @cached_property
+    def _half_width(self) -> int:
+        """`_SEAM_SECONDS` in frames."""
+        return max(round(_SEAM_SECONDS * self.problem.base.rate), 1)
+
+    @cached_property
     def _joints(self) -> IntArray:
         """The joints whose rotations are measured."""
         return feature_joints(
@@ -252,6 +254,12 @@ class DefectMeasure:
         The limit in a frame is the world jerk of the base, or the limit of the joint if that is
         greater.
         """
+        jerk = self._clip_jerk(self.problem.base)
+        return np.maximum(self._least_jerk_limits, jerk[start:stop])
+
+    @cached_property
+    def _least_jerk_limits(self) -> FloatArray:
+        """The limit of world jerk of each joint in all frames, shape (n_joints,)."""
         base = self.problem.base
         jerk = self._clip_jerk(base)
         key = ("jerk percentiles", self._driven_joints.tobytes(), self._step)
@@ -260,9 +268,7 @@ class DefectMeasure:
             own = (*key, figure_size(base.skeleton))
             known = remember(self.problem.library, own, self._library_jerk)
             percentiles = np.maximum(percentiles, known)
-        least = _LEAST * mass_model(base.skeleton).height
-        limits: FloatArray = np.maximum(MAX_JERK_RATIO * percentiles, least)
-        return np.maximum(limits, jerk[start:stop])
+        return np.maximum(MAX_JERK_RATIO * percentiles, _LEAST * mass_model(base.skeleton).height)
 
     def _library_jerk(self) -> FloatArray:
         """Return the world jerk of each joint that a tenth of the library's clips reach."""

@@ -215,13 +215,16 @@ def insert_span(
     """Return a motion in which a part moves as in a donor span in a range of frames.
 
     The span is stretched to the length of the range. The seams at both ends are closed within the
-    range: in `Config.seam_blend` seconds, or a quarter of the range if that is shorter. All other
-    frames are those of `motion`, bit for bit, except for a root that the part contains; see
-    `splice`.
+    range: in `Config.seam_blend` seconds, or a quarter of the range if that is shorter. An eighth
+    is enough if the captured part is put back. All other frames are those of `motion`, bit for bit,
+    except for a root that the part contains; see `splice`.
     """
     library, last, rate = problem.library, motion.n_frames - 1, motion.rate
     (first, stop), n = frames, frames[1] - frames[0]
-    blend = min(problem.config.seam_blend, n / 4.0 / rate)
+    is_captured = (
+        library.names[span.clip] == problem.base.name and (span.start, span.stop) == frames
+    )
+    blend = min(problem.config.seam_blend, n / (8.0 if is_captured else 4.0) / rate)
     config = replace(problem.config, seam_blend=blend)
     # The seam is as far inside as it changes frames; at the ends of the motion there is none.
     inset = min(int(np.ceil(blend * rate)), (n - 1) // 2)

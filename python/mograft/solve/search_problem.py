@@ -12,6 +12,7 @@ from mograft.blend.trunk_lean import TrunkLean
 from mograft.body.anatomy import feature_joints
 from mograft.body.capsules import Poses
 from mograft.body.contacts import find_legs
+from mograft.body.groups import suggest_groups
 from mograft.body.loops import is_loop
 from mograft.body.size import resize
 from mograft.config import Config
@@ -75,7 +76,7 @@ def resolve_segments(
         if group is not None and group not in groups:
             raise ValueError(
                 f"`group` of {type(constraint).__name__} must be an exchanged group, one of "
-                f"{join_names(groups)}; got {group!r}{suggest_name(group, groups)}"
+                f"{join_names(groups)}; got {group!r}{suggest_groups(group, groups)}"
             )
     return [
         replace(
@@ -343,8 +344,12 @@ class SearchProblem:
 
     def count_alternatives(self, group: str) -> IntArray:
         """Return how many candidates other than the base segment each position has."""
-        pairs = zip(self.candidates[group], self.scenario, strict=True)
-        return np.array([np.count_nonzero(own != base) for own, base in pairs], np.int64)
+        lists = self.candidates[group]
+        counts = np.array([len(own) for own in lists], np.int64)
+        others = np.concatenate(lists) != np.repeat(self.scenario, counts)
+        stops = np.cumsum(counts)
+        n_others = np.append(0, np.cumsum(others))
+        return n_others[stops] - n_others[stops - counts]
 
     def positions_with(self, excess: FloatArray) -> BoolArray:
         """Return whether each position has a frame in which `excess` is above 0.

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import repeat
 
 import numpy as np
 
@@ -81,21 +82,18 @@ def _substitutions(problem: SearchProblem, group: str, donors: IntArray) -> Iter
     """Return the substitutions of a group, one for each base segment."""
     pool, frames, clips = problem.pools[group], problem.base_segments, problem.library.entries
     origins = problem.library.segments[donors]
-    costs = pool.unary_costs(problem.scenario, donors, problem.cost_models[group])
     gaps = [0.0, *pool.seam_angles_along(donors).tolist(), 0.0]
-    stretches = frames.lengths / origins.lengths - 1.0
-    for i, clip in enumerate(origins.clip.tolist()):
-        yield Substitution(
-            group=group,
-            start=int(frames.start[i]),
-            stop=int(frames.stop[i]),
-            segment=int(problem.scenario[i]),
-            donor=int(donors[i]),
-            clip=clips[clip].name,
-            donor_start=int(origins.start[i]),
-            donor_stop=int(origins.stop[i]),
-            stretch=float(stretches[i]),
-            cost=float(costs[i]),
-            gap_before=gaps[i],
-            gap_after=gaps[i + 1],
-        )
+    columns = (
+        frames.start,
+        frames.stop,
+        problem.scenario,
+        donors,
+        origins.start,
+        origins.stop,
+        frames.lengths / origins.lengths - 1.0,
+        pool.unary_costs(problem.scenario, donors, problem.cost_models[group]),
+    )
+    start, stop, segment, donor, *others = (column.tolist() for column in columns)
+    names = [clips[clip].name for clip in origins.clip.tolist()]
+    before = repeat(group), start, stop, segment, donor, names
+    return map(Substitution, *before, *others, gaps[:-1], gaps[1:])

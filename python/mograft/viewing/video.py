@@ -190,7 +190,10 @@ def _write_mp4(
     )
     words = [program, *options.split(), os.fspath(path)]
     with tempfile.TemporaryFile() as errors:
-        process = subprocess.Popen(words, stdin=subprocess.PIPE, stderr=errors)
+        # In a session of its own, because Ctrl-C is ours: an ffmpeg that it ends would be an error.
+        process = subprocess.Popen(
+            words, stdin=subprocess.PIPE, stderr=errors, start_new_session=True
+        )
         assert process.stdin is not None  # PIPE was requested.
         with clean_up_by(lambda: _kill(process)):
             with contextlib.suppress(BrokenPipeError):  # The exit code is checked below.
@@ -208,7 +211,7 @@ def _is_whole_mp4(program: str, path: Path) -> bool:
     """Return whether ffmpeg reads all packets of a film without an error."""
     words = [program, "-v", "error", "-nostdin", "-i", os.fspath(path)]
     words += ["-c", "copy", "-f", "null", "-"]
-    found = subprocess.run(words, capture_output=True, check=False)
+    found = subprocess.run(words, capture_output=True, check=False, start_new_session=True)
     return found.returncode == 0 and not found.stderr
 
 

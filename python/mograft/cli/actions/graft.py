@@ -55,10 +55,10 @@ _ALLOWED = (*_EDITS, *_OUTPUTS, "verbose", "files", "from_")
 """Arguments that may be given with ``--from``; the provenance sets all others."""
 
 _KEPT_VIOLATIONS = (
-    "joints that are not exchanged violate constraints, and no donor can remove these violations; "
-    "no motion was written; place the obstacle or target elsewhere, choose another --base, or "
-    "write it all the same with --best-effort"
+    "joints that are not exchanged violate constraints, which no donor can remove; no motion was "
+    "written; place the obstacle or target elsewhere, choose another --base, or add --best-effort"
 )
+_WAY_ROUND = "; mograft export BASE -o new.bvh --avoid ... leads a walk round an obstacle"
 
 
 def run(options: GraftOptions) -> int:
@@ -103,7 +103,8 @@ def run(options: GraftOptions) -> int:
     if options.scenario == "original" and not options.best_effort:
         kept = kept_violations(library, base, constraints=constraints, swap=options.swap)
         if kept:
-            print_error(_KEPT_VIOLATIONS, [violation.message for violation in kept])
+            hint = _WAY_ROUND * bool(options.avoid)
+            print_error(_KEPT_VIOLATIONS + hint, [violation.message for violation in kept])
             return 4
     grafts = _make_grafts(library, base, constraints, options)
     if options.change:

@@ -1,6 +1,7 @@
 """``mograft view``, ``plot`` and ``export``: motions as pages, pictures and files."""
 
 import io
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -35,6 +36,7 @@ from mograft.library.discover import is_graft
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.provenance.writing import WRITERS, write_character
+from mograft.scenario.bending import bend
 from mograft.viewing import plot
 from mograft.viewing.page import temporary_path, view
 from mograft.viewing.scene import Scene
@@ -263,10 +265,15 @@ def run_export(options: ExportOptions) -> int:
 
 
 def _select_frames(motion: Motion, options: ExportOptions) -> tuple[Motion, tuple[int, int]]:
-    """Return the frames that ``--frames`` and ``--cycle`` select, and the first and last one."""
+    """Return what ``--frames``, ``--turn``, ``--avoid`` and ``--cycle`` make of a motion.
+
+    Also return the first and the last of its frames.
+    """
     first, last = files.frame_range(motion, options.frames)
     if options.frames is not None:
         motion = motion[first : last + 1]
+    avoid = configuration.read_obstacles(options.avoid, motion.rate)
+    motion = bend(motion, math.radians(options.turn or 0.0), avoid)
     if options.cycle is None:
         return motion, (first, last)
     seconds = None if isinstance(options.cycle, str) else options.cycle
@@ -288,7 +295,7 @@ def _write_figure(
         character = characters.pop(0)
         path = character.container.path
         keeps_all = str(path) in options.files and options.rate is None
-        keeps_all &= options.frames is None and options.cycle is None
+        keeps_all &= not options.given("frames", "cycle", "turn", "avoid")
         added = [own for own in motions if not (keeps_all and own.path == path)]
         write_character(character, added, target, keeps_animations=keeps_all)
         print_remark(f"{target.name}: meshes and skin of {path}; metres, y up")

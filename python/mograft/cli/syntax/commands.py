@@ -199,7 +199,7 @@ class PlotOptions(options.LibraryOptions, options.WriterOptions):
 
 
 class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.WriterOptions):
-    """Write motions in other file formats, or cut a loop out of them.
+    """Write motions in other file formats, as loops, or on a bent path.
 
     The suffix of the file selects the format: an animated figure (.glb; .usd, .usda or .usdc, which
     need mograft[usd]), a film (.mp4 or .gif, which need mograft[video]), or tables of channel
@@ -215,6 +215,14 @@ class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.Writ
         "write only one cycle, such as two steps of a walk, closed into a loop that still covers "
         "ground: of about S seconds (default: the shortest)",
         implied=AUTOMATIC,
+    )
+    turn: values.Turn | None = option(
+        "bend the path of a walk into an arc: degrees by which it ends further left (below 0: "
+        "right); feet stay planted"
+    )
+    avoid: tuple[values.Avoid, ...] = option(
+        "bend the path of a walk round an obstacle, such as capsule:X,Y,Z,X,Y,Z,RADIUS; shapes as "
+        "for mograft graft; may be repeated"
     )
     rate: values.Rate | None = setting(
         "frame rate of the output (default: that of the input; .mp4 at most 60, .gif at most 20)"

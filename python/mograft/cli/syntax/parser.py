@@ -23,6 +23,8 @@ CONFIG_FILE = "mograft.toml"
 _GENERAL = ("quiet", "verbose", "json")
 """Options that ``--help`` shows if it would leave out nothing else."""
 
+_COUNT_WORDS = ("num", "outputs", "copies", "variants", "amount")
+
 Parsers = dict[tuple[str, ...], argparse.ArgumentParser]
 
 
@@ -178,6 +180,8 @@ def _check_names(parsers: Parsers, words: Sequence[str]) -> None:
         name = word.partition("=")[0]
         if name.startswith("--") and not any(flag.startswith(name) for flag in flags):
             hint = suggest_name(name, flags, prefix="--", cutoff=0.7)
+            if any(word in name for word in _COUNT_WORDS) and "--count" in flags:
+                hint = "; did you mean '-n', the number of motions?"
             hint = hint or f"; mograft {' '.join(path)} --help-all lists all"
             parsers[path].error(f"{' '.join(path)} has no option {name}{hint}")
 
@@ -195,9 +199,12 @@ def parse(
     is_short = not any(word.startswith("--help-") for word in words)
     parsers = build_parsers(commands, is_short=is_short)
     _check_names(parsers, words)
-    found = vars(parsers[()].parse_args(words))
+    known, unknown = parsers[()].parse_known_args(words)
+    found = vars(known)
     command: Command = found["command"]
     parser: argparse.ArgumentParser = found["parser"]
+    if unknown:
+        parser.error(f"unexpected words {' '.join(unknown)}; {parser.prog} --help-all lists all")
     try:
         settings = find_settings(command, commands)
     except (OSError, ValueError) as error:

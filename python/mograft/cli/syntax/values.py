@@ -222,7 +222,8 @@ def preset(text: str, more: str = "") -> str:
     members = text.split(",")
     fitting = next((name for name in PRESETS if {*members} <= {*name.split("_")}), None)
     if fitting is not None:
-        raise ArgumentTypeError(f"{text} is no preset: use --groups {fitting} --swap {text}")
+        way = f"--groups {fitting} --swap {text}" if more else fitting
+        raise ArgumentTypeError(f"{text} is no preset: use {way}")
     if not is_automatic(text):
         return one_of((*PRESETS, AUTOMATIC), more)(text)
     try:
@@ -359,6 +360,7 @@ _motions = number(int, "from 1 to 100000 (other seeds give more)", lambda n: 1 <
 _index = number(int, "an integer of at least 0", lambda n: n >= 0)
 _decimals = number(int, "an integer from 1 to 12", lambda n: 1 <= n <= 12)
 _port = number(int, "an integer from 0 to 65535", lambda n: 0 <= n <= 65535)
+_turn = number(float, "an angle in degrees", math.isfinite)
 _share = number(float, "a number from 0 to 1", lambda x: 0 <= x <= 1)
 _non_negative = number(float, "a number of at least 0", lambda x: 0 <= x < math.inf)
 
@@ -375,6 +377,7 @@ Duration = Annotated[float, Value("S", _positive)]
 Tempo = Annotated[float, Value("BPM", _positive)]
 Speed = Annotated[float, Value("X", _positive)]
 Degrees = Annotated[float, Value("DEGREES", _positive)]
+Turn = Annotated[float, Value("DEGREES", _turn)]
 Distance = Annotated[float, Value("DEGREES", _non_negative)]
 Size = Annotated[tuple[int, int], Value("WIDTHxHEIGHT", picture_size)]
 Receiver = Annotated[tuple[str, int], Value("HOST[:PORT]", receiver)]
