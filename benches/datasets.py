@@ -11,6 +11,8 @@ skeleton. It prints
 - ``find`` and ``curate``: their times, of `find` also in a new process;
 - ``recall``: how often the first hit of a clip, and some of the first ten, have its label, the
   second word of names such as ``dataset-1_punch_normal_001``; and for clips drawn at random;
+- ``exchange``: how well a classifier distinguishes windows of grafts, and of random exchanges, from
+  captured ones, and how much nearer they bring held-out windows to the training windows;
 - ``coverage``: distances of the segments of held-out clips from the segments of chosen ones, for
   `curate`, random clips, k-means and farthest points at equal numbers of frames; and the greatest
   distance of a segment that could have been chosen.
@@ -125,6 +127,88 @@ def measure_windows(library, target, n):
         f"{len(shuffled)} that begin at each frame, in random order; {mixed / mixing:.0f} by "
         "random exchange"
     )
+
+
+def describe(quats):
+    """Speeds of the joints of a window, and how those of pairs of joints go together.
+
+    Two decimals: in grafts, joints that stay still turn by rounding errors.
+    """
+    gaps = [np.linalg.norm(quats[1:] + sign * quats[:-1], axis=2) for sign in (-1, 1)]
+    speeds = 30 * 4 * np.arcsin(np.minimum(np.minimum(*gaps) / 2, 1.0))  # about radians a second
+    smooth = speeds[: len(speeds) // 4 * 4].reshape(-1, 4, speeds.shape[1]).mean(axis=1)
+    unit = (smooth - smooth.mean(axis=0)) / (smooth.std(axis=0) + 0.05)
+    pairs = (unit.T @ unit / len(unit))[np.triu_indices(unit.shape[1], 1)]
+    steps = np.linalg.norm(np.diff(smooth, axis=0), axis=1)
+    found = [smooth.mean(axis=0), smooth.max(axis=0), pairs, [steps.max()]]
+    return np.round(np.concatenate(found), 2)
+
+
+def measure_exchange(library, n):
+    """Compare windows of grafts with captured ones and with random exchanges of joints.
+
+    Clips with even numbers are for training, the others are held out. A window is from a clip of
+    its own. The classifier is a random forest.
+    """
+    from sklearn.ensemble import RandomForestClassifier
+    from sklearn.metrics import roc_auc_score
+
+    joints, rng = library.joints(library.groups.names[-1]), np.random.default_rng(0)
+    long = [k for k, own in enumerate(library.entries) if own.n_frames >= 64]
+    halves = []
+    for side in range(2):
+        clips = [clip for clip in long if clip % 2 == side]
+        is_ours = np.isin(np.arange(len(library.entries)), clips)
+        every = datasets.augment(
+            library, seconds=64 / library.rate, bases=[library.names[clip] for clip in clips]
+        )
+        every = replace(every, part=replace(every.part, clips=is_ours))
+        firsts = np.cumsum([0, *(len(own) for own in every.starts)])[:-1]
+        chosen = rng.permutation(firsts)[: 2 * n].tolist()
+        places = {first: row for row, first in enumerate(firsts.tolist())}
+        captured = []
+        for first in chosen:
+            row = places[first]
+            start = int(every.starts[row][0])
+            own = library.clips[int(every.bases[row])].rotations[start : start + 64]
+            captured.append(own.astype(np.float32).astype(float))  # as in the features
+        mixed = [own.copy() for own in captured[:n]]
+        for own, other in zip(mixed, captured[n:] + captured[:1], strict=False):
+            own[:, joints] = other[:, joints]
+        grafts = [every[first]["rotations"].astype(float) for first in chosen[:n]]
+        kinds = {"captured": captured[-n:], "other captured ones": captured[:n]}
+        kinds |= {"random exchange": mixed, "grafts": grafts}
+        halves.append(
+            {name: np.array([describe(own) for own in rows]) for name, rows in kinds.items()}
+        )
+    train, test = halves
+    centre, scale = train["captured"].mean(axis=0), train["captured"].std(axis=0) + 1e-9
+    held_out = (test["captured"] - centre) / scale
+    alone = nearest(held_out, (train["captured"] - centre) / scale)
+    print(
+        f"\n| {n} windows and | AUC against captured windows | held-out windows nearer, % | "
+        "mean distance, % of that without |"
+    )
+    print("|---|--:|--:|--:|")
+    for name in ("other captured ones", "random exchange", "grafts"):
+        forest = RandomForestClassifier(300, random_state=0)
+        labels = np.repeat([0, 1], [len(train["captured"]), len(train[name])])
+        forest.fit(np.concatenate([train["captured"], train[name]]), labels)
+        scores = [forest.predict_proba(test[own])[:, 1] for own in ("captured", name)]
+        areas = []
+        for _ in range(500):
+            draws = [rng.choice(own, len(own)) for own in scores]
+            labels = np.repeat([0, 1], list(map(len, draws)))
+            areas.append(roc_auc_score(labels, np.concatenate(draws)))
+        labels = np.repeat([0, 1], list(map(len, scores)))
+        area = roc_auc_score(labels, np.concatenate(scores))
+        low, high = np.percentile(areas, [2.5, 97.5])
+        gaps = nearest(held_out, (train[name] - centre) / scale)
+        ratios = np.minimum(gaps, alone) / alone
+        print(
+            f"| {name} | {area:.3f} ({low:.3f} to {high:.3f}) | {interval(gaps < alone, rng)} | "
+            f"{interval(ratios, rng)} |"
+        )
 
 
 def measure_split(library):
@@ -297,6 +381,7 @@ def report(options):
         measure_split(library)
         measure_find(library, place / "library", 2 if options.tiny else 20)
         measure_recall(library, 2 if options.tiny else 300)
+        measure_exchange(library, 2 if options.tiny else 300)
         measure_coverage(library, (0.9,) if options.tiny else (0.02, 0.1))
 
 

@@ -220,6 +220,30 @@ def test_command_writes_a_folder_with_page_and_files(stored, tmp_path, capsys, f
     assert "exists; choose another folder" in capsys.readouterr().err
 
 
+def test_page_lists_kept_and_dropped_clips_and_its_curve_fills_the_frame(takes):
+    takes = [*(take[:120] for take in takes), takes[0][120:]]
+    names = [f"<i>{k}</i>" for k in range(len(takes))]
+    takes = [replace(take, name=name) for take, name in zip(takes, names, strict=True)]
+    library = mg.Library.build(takes)
+    found = datasets.curate(library, radius=2.5)
+    page = datasets.curation_page(library, found).html
+    assert "<td><i>" not in page
+    assert 1 < len(found.kept) < len(names) - 1
+    tables = page.split("<h2>Kept clips</h2>")[1].split("<h2>Dropped clips")
+    rows = [
+        re.findall(r"<td>&lt;i&gt;(\d)&lt;/i&gt;</td><td>\d+</td><td>([\d.]+)<", table)
+        for table in tables
+    ]
+    kept = [f"<i>{name}</i>" for name, _ in rows[0]]
+    assert kept == found.kept
+    assert sorted([*kept, *(f"<i>{name}</i>" for name, _ in rows[1])]) == names
+    distances = [float(value) for _, value in rows[1]]
+    assert distances == sorted(distances, reverse=True)
+    assert distances[0] > distances[-1]
+    points = re.search(r'polyline points="([^"]+)"', page)[1].split()
+    assert [points[0].split(",")[0], points[-1].split(",")[0]] == ["44.0", "436.0"]
+
+
 def test_choice_that_cannot_be_complete_is_not_written(takes, clip_folder, tmp_path):
     library = mg.Library.build(takes[:2])
     found = datasets.curate(library)

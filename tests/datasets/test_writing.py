@@ -399,24 +399,26 @@ def test_motion_files_need_one_process(clip_folder, tmp_path, capsys):
 
 def test_measure_compares_grafts_of_the_set(windows, stored, tmp_path, monkeypatch, capsys):
     pytest.importorskip("sklearn", reason="scikit-learn is not installed")
-    monkeypatch.setattr(measuring, "_MAX_GRAFTS", 2)
     datasets.write(windows, tmp_path / "set", 12)
     built, compare = [], measuring.detectability
     monkeypatch.setattr(measuring, "detectability", lambda *arguments: built.append(arguments))
-    datasets.measure(windows, tmp_path / "set")
-    ((_, grafts, seed),) = built
-    grafts = [own for several in grafts for own in several]
-    assert (len(grafts), seed) == (2, windows.seed)
     with (tmp_path / "set/provenance.csv").open(newline="") as stream:
         rows = {int(own["window"]): own for own in csv.DictReader(stream)}
     shown = list(dict.fromkeys((own["base"], own["draw"]) for own in rows.values()))
+    assert {draw for _, draw in shown} == {"0", "1"}
     found = datasets.read_set(tmp_path / "set")
-    for graft, (base, draw) in zip(grafts, (shown[0], shown[-1]), strict=True):
-        assert graft.base.name == base
-        for index, row in rows.items():
-            if (row["base"], row["draw"]) == (base, draw):
-                own = graft.motion.rotations[int(row["base_start"]) : int(row["base_stop"]) + 1]
-                assert np.array_equal(own.astype(np.float32), found[index]["rotations"])
+    for limit, expected in ((2, [shown[0], shown[-1]]), (64, shown)):
+        monkeypatch.setattr(measuring, "_MAX_GRAFTS", limit)
+        datasets.measure(windows, tmp_path / "set")
+        _, grafts, seed = built.pop()
+        assert seed == windows.seed
+        grafts = [own for several in grafts for own in several]
+        for graft, (base, draw) in zip(grafts, expected, strict=True):
+            assert graft.base.name == base
+            for index, row in rows.items():
+                if (row["base"], row["draw"]) == (base, draw):
+                    own = graft.motion.rotations[int(row["base_start"]) : int(row["base_stop"]) + 1]
+                    assert np.array_equal(own.astype(np.float32), found[index]["rotations"])
     monkeypatch.setattr(measuring, "detectability", compare)
     words = f"augment {stored.folder} -o {tmp_path}/cli -n 3 --seconds 2 --measure --json"
     assert main(words.split()) == 0
