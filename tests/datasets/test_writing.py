@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -69,6 +70,30 @@ def test_executors_give_the_same_bytes(windows, tmp_path, format_):
     others = ("manifest.json", "provenance.csv", ".lock")
     assert listed == {k: v for k, v in found.items() if k not in others}
     assert sum(shard["windows"] for shard in manifest["shards"]) == 12
+
+
+@pytest.mark.parametrize("name", ["unlink", "rmdir"])
+@pytest.mark.parametrize("is_before", [True, False])
+def test_ended_while_parts_are_removed_is_continued_with_the_same_bytes(
+    windows, tmp_path, monkeypatch, name, is_before
+):
+    datasets.write(windows, tmp_path / "whole", 4)
+    remove = getattr(Path, name)
+
+    def end(path, *words):
+        if ".provenance" not in path.parts:
+            return remove(path, *words)
+        if not is_before:
+            remove(path, *words)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, name, end)
+        with pytest.raises(KeyboardInterrupt):
+            datasets.write(windows, tmp_path / "ended", 4)
+    datasets.write(windows, tmp_path / "ended", 4, resume=True)
+    assert contents(tmp_path / "ended") == contents(tmp_path / "whole")
+    assert not (tmp_path / "ended" / ".provenance").exists()
 
 
 @pytest.mark.thorough

@@ -120,7 +120,7 @@ def write(
         state, is_complete = _find_state(target, request)
         if not is_complete:
             _write_shards(windows, target, request, state, executor, progress)
-        return _finish(windows, target, request, state)
+        return _finish(windows, target, request, state, is_joined=is_complete)
 
 
 def _request(windows: Augmentation, count: int, format_: str) -> dict[str, Any]:
@@ -260,11 +260,14 @@ def _write_manifest(
 
 
 def _finish(
-    windows: Augmentation, folder: Path, request: dict[str, Any], state: _State
+    windows: Augmentation, folder: Path, request: dict[str, Any], state: _State, *, is_joined: bool
 ) -> dict[str, Any]:
-    """Join the provenance of the shards, and complete the manifest by a report."""
+    """Join the provenance of the shards, complete the manifest by a report, and remove the parts.
+
+    If `is_joined`, an earlier run did so, but may have ended before the last part was removed.
+    """
     parts = folder / _PARTS
-    if parts.is_dir() or not (folder / TABLE).exists():
+    if not is_joined:
         names = [parts / f"{number:05d}.csv" for number in range(len(state.shards))]
         body = b"".join(path.read_bytes() for path in names)
         write_bytes(folder / TABLE, ",".join(PROVENANCE).encode() + b"\n" + body)
