@@ -273,7 +273,8 @@ def test_folder_of_other_options_is_refused(windows, stored, tmp_path):
     own = {"seconds": 2.0, "split": "auto:clip", "seed": 4, "variants": 2}
     others = {
         "`seed` 4, not 5": ({"seed": 5}, 5),
-        "`seconds` 2, not 1.5": ({"seconds": 1.5}, 5),
+        "`seconds` 2, not 1.5": ({"seconds": 1.5, "stride": 2.0}, 5),
+        "`stride` 2, not 0.5": ({"stride": 0.5}, 5),
         "`count` 5, not 6": ({}, 6),
         "`variants` 2, not 3": ({"variants": 3}, 5),
         "another `features`": ({"features": ("root",)}, 5),
@@ -339,13 +340,14 @@ def test_library_in_memory_needs_no_executor(takes, tmp_path):
 def test_command_and_python_give_the_same_bytes(stored, tmp_path, capsys):
     words = f"augment {stored.folder} -o {tmp_path}/cli -n 9 --seconds 1.5 --split auto:tag:p* "
     words += "--part train --features root,contacts --variants 2 --min-new 0.4 --seed 7 --json "
-    words += "--bases p* --variety 0.8"
+    words += "--bases p* --variety 0.8 --stride 0.5"
     assert main(words.split()) == 0
     out, err = capsys.readouterr()
     library = stored.relabelled(mg.Config.with_variety(0.8))
     windows = datasets.augment(
         library,
         seconds=1.5,
+        stride=0.5,
         split="auto:tag:p*",
         features=["root", "contacts"],
         variants=2,
