@@ -4,8 +4,9 @@ Run with a release build: ``python benches/datasets.py FOLDER``, where FOLDER ho
 skeleton. It prints
 
 - ``augment``: seconds, processor seconds and peak memory of `mograft augment` of 1,000 windows;
-- ``windows``: windows of 64 frames a second that a training loop reads from a data set, and that a
-  random exchange of joints between clips makes, which checks nothing;
+- ``windows``: windows of 64 frames a second that a training loop reads from a data set; that it
+  computes on access, without overlap in order, and from each frame on in random order over blocks
+  of bases; and that a random exchange of joints between clips makes, which checks nothing;
 - ``split``: what the choice of a part costs without and with the comparison of motions;
 - ``find`` and ``curate``: their times, of `find` also in a new process;
 - ``recall``: how often the first hit of a clip, and some of the first ten, have its label, the
@@ -110,11 +111,18 @@ def measure_windows(library, target, n):
     found, rng = datasets.read_set(target), np.random.default_rng(0)
     order = rng.integers(len(found), size=20 * n)
     _, _, cpu = timed(lambda: [found[index] for index in order])
-    _, _, mixing = timed(lambda: [cut_mix(library, rng) for _ in range(n)])
-    _, _, grafting = timed(lambda: [windows[index] for index in range(min(n, len(windows)))])
+    mixed = n
+    _, _, mixing = timed(lambda: [cut_mix(library, rng) for _ in range(mixed)])
+    n = min(n, len(windows))
+    _, _, grafting = timed(lambda: [windows[index] for index in range(n)])
+    every = datasets.augment(library, seconds=64 / library.rate, stride=1 / library.rate)
+    last = int(np.searchsorted(np.cumsum([len(own) for own in windows.starts]), n)) + 1
+    shuffled = rng.permutation(sum(len(own) for own in every.starts[:last]))
+    _, _, overlapping = timed(lambda: [every[index] for index in shuffled])
     print(
         f"windows of 64 frames a second of processor time: {len(order) / cpu:.0f} from a data set, "
-        f"{min(n, len(windows)) / grafting:.0f} grafted on access, in order; {n / mixing:.0f} by "
+        f"{n / grafting:.0f} grafted on access, in order; {len(shuffled) / overlapping:.0f} of "
+        f"{len(shuffled)} that begin at each frame, in random order; {mixed / mixing:.0f} by "
         "random exchange"
     )
 

@@ -15,7 +15,7 @@ from mograft import datasets
 from mograft.datasets import augmentation
 from mograft.datasets.augmentation import PROVENANCE
 from mograft.motion import rotations
-from tests.strategies import few_examples
+from tests.strategies import SEEDS, few_examples
 
 
 def smallest_angles(frames, poses):
@@ -81,6 +81,74 @@ def test_windows_of_a_base_share_grafts_also_if_none_is_new_enough(stored, monke
     assert len([windows[index] for index in range(3)]) == 3
     assert len(built) > 1
     assert sorted(built) == list(range(len(built)))
+
+
+@few_examples(8)
+@given(
+    seconds=st.sampled_from([0.5, 1.0, 2.0]),
+    stride=st.integers(1, 40),
+    epoch=st.integers(0, 1),
+    size=st.sampled_from([0, 200_000, 1 << 27]),
+    seed=SEEDS,
+)
+def test_windows_depend_on_base_and_start_alone(stored, seconds, stride, epoch, size, seed):
+    names = ["rotations", "root", "contacts"]
+    whole, other = (
+        datasets.augment(stored, seconds=seconds, stride=own, features=names).with_epoch(epoch)
+        for own in (None, stride / stored.rate)
+    )
+    assert all(np.diff(own).min(initial=stride) == stride for own in other.starts)
+    places = [
+        (base, start)
+        for windows in (whole, other)
+        for base, own in zip(windows.bases, windows.starts, strict=True)
+        for start in own.tolist()
+    ]
+    n = len(whole)
+    rows = {place: k for k, place in enumerate(places[n:])}
+    both = [(k, rows[place]) for k, place in enumerate(places[:n]) if place in rows]
+    assert len(both) >= len(whole.bases)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(augmentation, "_CACHED_BYTES", size)
+        for row in np.random.default_rng(seed).integers(0, len(both), 4).tolist():
+            one, two = both[row]
+            found, expected = other[two], whole[one]
+            assert found.pop("index") == two
+            assert expected.pop("index") == one
+            assert all(np.array_equal(found[name], own) for name, own in expected.items())
+            found["rotations"][:] = 0.0  # rows are the caller's
+        kept = sum(own.n_bytes for own in other._draws.values())
+        assert kept <= size or len(other._draws) == 1
+
+
+@pytest.mark.parametrize("has_few", [False, True])
+def test_grafts_are_made_once_in_any_order(stored, takes, monkeypatch, has_few):
+    built, build = [], augmentation.build_graft
+
+    def count(*arguments):
+        built.append((arguments[0].problem.base.name, arguments[3]))
+        return build(*arguments)
+
+    monkeypatch.setattr(augmentation, "build_graft", count)
+    library, min_new = stored, 0.5
+    if has_few:
+        config, min_new = mg.Config(max_stretch=0.02, length_slack=0.0), 1.0
+        library = mg.Library.build(takes[0][:130], config=config)
+    windows = datasets.augment(library, seconds=1.0, stride=0.5, min_new=min_new)
+    joints, n = library.joints("upper"), windows.n_frames
+    places = [
+        (base, start)
+        for base, own in zip(windows.bases, windows.starts, strict=True)
+        for start in own.tolist()
+    ]
+    for index in np.random.default_rng(0).permutation(len(windows)):
+        base, start = places[index]
+        quats = library.clips[base].rotations[start : start + n, joints]
+        cosines = np.abs((windows[index]["rotations"][:, joints] * quats).sum(axis=2))
+        is_new = (2 * np.arccos(np.minimum(cosines, 1.0)) > np.radians(5.0)).any(axis=1)
+        assert float(windows[index]["new"]) == pytest.approx(is_new.mean(), abs=0.5 / n)
+    assert len(built) == len(set(built))
+    assert {name for name, _ in built} == set(library.names)
 
 
 def test_windows_are_parts_of_grafts(stored):
@@ -166,6 +234,8 @@ def test_windows_exclude_faults(takes):
     [
         ({"seconds": 0.0}, "`seconds`"),
         ({"seconds": 60.0}, "`seconds` must be at most .*, the longest span"),
+        ({"stride": 0.01}, "`stride` must be at least one frame, got 0.01"),
+        ({"stride": float("nan")}, "`stride`"),
         ({"min_new": 2.0}, "`min_new`"),
         ({"variants": 0}, "`variants`"),
         ({"bases": "none*"}, "`bases` must match"),

@@ -161,6 +161,10 @@ def test_command_prints_the_kept_files_and_writes_a_table(stored, tmp_path, caps
     assert main([*words, "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert [own["clip"] for own in document["clips"] if own["is_kept"]] == found.kept
+    found = datasets.curate(stored, radius=3.0, shards=2)
+    assert main([*words, "--shards", "2", "-j", "2", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [own["clip"] for own in document["clips"] if own["is_kept"]] == found.kept
 
 
 @pytest.mark.parametrize(

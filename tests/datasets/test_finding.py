@@ -166,6 +166,8 @@ def test_command_prints_the_hits_and_writes_a_page(stored, clip_folder, tmp_path
     )
     found = json.loads(capsys.readouterr().out)["hits"]
     assert [hit["clip"] for hit in found] == [hit.clip for hit in hits]
+    assert main([*words[:-2], "-j", "2"]) == 0
+    assert capsys.readouterr().out.splitlines() == lines[:-1]
     assert main(["find", str(stored.folder), "--text", "p2"]) == 0
     assert capsys.readouterr().out.splitlines() == ["p2_100: 240 frames", "p2_700: 240 frames"]
 

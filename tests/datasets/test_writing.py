@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -69,6 +70,30 @@ def test_executors_give_the_same_bytes(windows, tmp_path, format_):
     others = ("manifest.json", "provenance.csv", ".lock")
     assert listed == {k: v for k, v in found.items() if k not in others}
     assert sum(shard["windows"] for shard in manifest["shards"]) == 12
+
+
+@pytest.mark.parametrize("name", ["unlink", "rmdir"])
+@pytest.mark.parametrize("is_before", [True, False])
+def test_ended_while_parts_are_removed_is_continued_with_the_same_bytes(
+    windows, tmp_path, monkeypatch, name, is_before
+):
+    datasets.write(windows, tmp_path / "whole", 4)
+    remove = getattr(Path, name)
+
+    def end(path, *words):
+        if ".provenance" not in path.parts:
+            return remove(path, *words)
+        if not is_before:
+            remove(path, *words)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, name, end)
+        with pytest.raises(KeyboardInterrupt):
+            datasets.write(windows, tmp_path / "ended", 4)
+    datasets.write(windows, tmp_path / "ended", 4, resume=True)
+    assert contents(tmp_path / "ended") == contents(tmp_path / "whole")
+    assert not (tmp_path / "ended" / ".provenance").exists()
 
 
 @pytest.mark.thorough
@@ -248,7 +273,8 @@ def test_folder_of_other_options_is_refused(windows, stored, tmp_path):
     own = {"seconds": 2.0, "split": "auto:clip", "seed": 4, "variants": 2}
     others = {
         "`seed` 4, not 5": ({"seed": 5}, 5),
-        "`seconds` 2, not 1.5": ({"seconds": 1.5}, 5),
+        "`seconds` 2, not 1.5": ({"seconds": 1.5, "stride": 2.0}, 5),
+        "`stride` 2, not 0.5": ({"stride": 0.5}, 5),
         "`count` 5, not 6": ({}, 6),
         "`variants` 2, not 3": ({"variants": 3}, 5),
         "another `features`": ({"features": ("root",)}, 5),
@@ -314,13 +340,14 @@ def test_library_in_memory_needs_no_executor(takes, tmp_path):
 def test_command_and_python_give_the_same_bytes(stored, tmp_path, capsys):
     words = f"augment {stored.folder} -o {tmp_path}/cli -n 9 --seconds 1.5 --split auto:tag:p* "
     words += "--part train --features root,contacts --variants 2 --min-new 0.4 --seed 7 --json "
-    words += "--bases p* --variety 0.8"
+    words += "--bases p* --variety 0.8 --stride 0.5"
     assert main(words.split()) == 0
     out, err = capsys.readouterr()
     library = stored.relabelled(mg.Config.with_variety(0.8))
     windows = datasets.augment(
         library,
         seconds=1.5,
+        stride=0.5,
         split="auto:tag:p*",
         features=["root", "contacts"],
         variants=2,

@@ -103,6 +103,20 @@ def test_stored_samples_chunks_do_not_depend_on_row_ranges(stored_library, monke
     np.testing.assert_array_equal(joined, np.concatenate([whole[5:25], whole[:3], whole[40:49]]))
 
 
+@pytest.mark.skipif(not os.path.exists("/proc/self/smaps"), reason="needs /proc/self/smaps")
+def test_clips_that_were_read_leave_no_pages(stored_library):
+    library = mg.Library.open(stored_library.folder)
+    clips = [library.clips[index].rotations for index in range(len(library.clips))]
+    (name,) = stored_library.folder.rglob("frames-*.npy")
+    with open("/proc/self/smaps") as stream:
+        blocks = stream.read().split(f"{name}\n")[1:]
+    sizes = [int(own.split("Rss:")[1].split()[0]) for own in blocks]
+    assert sizes
+    assert sum(sizes) == 0
+    again = mg.Library.open(stored_library.folder)
+    assert all(np.array_equal(own, again.clips[k].rotations) for k, own in enumerate(clips))
+
+
 def test_arrays_are_valid_npy_files(small_library):
     for name, array in storage.read(small_library).arrays.items():
         loaded = np.load(small_library / "0001" / f"{name}.npy", allow_pickle=False)

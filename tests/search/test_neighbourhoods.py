@@ -31,6 +31,28 @@ def test_ball_members_match_the_oracle(seed, sigma, is_grid):
         assert found.tolist() == expected
 
 
+def test_ball_members_are_those_of_the_points_given():
+    rng, ball = np.random.default_rng(0), NEIGHBOURHOODS["ball"]
+
+    def check(points):
+        points.setflags(write=False)
+        members = ball.find_members(np.arange(N), points, 1.0, np.arange(N))
+        gaps = np.linalg.norm(points[:, None] - points[None], axis=2)
+        expected = [np.flatnonzero(row <= 1.0).tolist() for row in gaps]
+        assert [own.tolist() for own in members] == expected
+        return id(points)
+
+    first, second = rng.normal(size=(2, N, 3))
+    for points in (first, second, first):
+        check(points)
+    address = check(rng.normal(size=(N, 3)))
+    others = []
+    while not others or id(others[-1]) != address:  # of the array that is gone
+        assert len(others) < 100_000
+        others.append(rng.normal(size=(N, 3)))
+    check(others[-1])
+
+
 @given(SEEDS, SIGMAS)
 def test_cluster_members_have_the_label_of_the_base_segment(seed, sigma):
     labels, _, members = find_members("cluster", seed, sigma)

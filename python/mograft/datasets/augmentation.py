@@ -13,7 +13,13 @@ from mograft._util.arrays import IntArray
 from mograft._util.containers import LazySequence
 from mograft._util.names import find_matches
 from mograft._util.validate import as_integer, check_type
-from mograft.datasets.features import DEFAULT_FEATURES, Array, check_features, compute_features
+from mograft.datasets.features import (
+    DEFAULT_FEATURES,
+    Array,
+    check_features,
+    compute_tracks,
+    cut_window,
+)
 from mograft.datasets.splits import Part, Split, select_part
 from mograft.library.clip_keys import plain_tags
 from mograft.library.files.stored_clips import StoredClips
@@ -25,11 +31,13 @@ from mograft.synthesis.graft_building import build_graft
 from mograft.synthesis.graft_result import Graft
 from mograft.synthesis.newness import frame_newness
 
-_CACHED_FRAMES = 1 << 14
+_CACHED_FRAMES = 1 << 15
 """Frames of clips that stay in the memory of a process: donors of other bases use them again."""
 
 _MAX_DRAWS = 8  # of which an item takes the first that is new enough
-_CACHED_GRAFTS = _MAX_DRAWS  # the other windows of the base are accessed next
+_CACHED_BYTES = 1 << 27
+"""Size of the features of whole grafts that stay in the memory of a process: other windows of the
+same grafts are cut from them."""
 
 PROVENANCE = (
     *("window", "base", "base_start", "base_stop", "draw", "group", "start", "stop"),
@@ -60,14 +68,23 @@ class JobResult(NamedTuple):
     n_rejected: int
 
 
+class _Draw(NamedTuple):
+    """What items need of a graft."""
+
+    tracks: dict[str, Array]
+    motion: Motion | None  # for features that are computed for each window
+    n_new: IntArray  # of the frames before each frame, (n_frames + 1,)
+    n_bytes: int
+
+
 @dataclass(frozen=True, eq=False)
 class Augmentation(LazySequence[dict[str, Array]]):
     """Windows of grafts, computed when they are accessed; made by `mograft.datasets.augment`.
 
     An item is a dict with an array for each feature; ``new``, the share of new frames; and
-    ``index``. Items in order share grafts, so that they are faster than in another order. The
-    object may be pickled and used in any number of threads and processes, forked or spawned:
-    nothing is read before the first access.
+    ``index``. Windows of a graft share it as long as it is in memory, so that order matters only if
+    the grafts of an epoch exceed 128 MB. The object may be pickled and used in any number of
+    threads and processes, forked or spawned: nothing is read before the first access.
 
     Attributes
     ----------
@@ -75,8 +92,8 @@ class Augmentation(LazySequence[dict[str, Array]]):
         The library.
     part : Part
         The clips that are bases and donors.
-    n_frames : int
-        Frames of a window.
+    n_frames, stride : int
+        Frames of a window, and from the first frame of a window to that of the next.
     features : tuple of str
         Names of the arrays.
     bases : ndarray of int
@@ -92,6 +109,7 @@ class Augmentation(LazySequence[dict[str, Array]]):
     library: Library
     part: Part
     n_frames: int
+    stride: int
     features: tuple[str, ...]
     bases: IntArray
     starts: tuple[IntArray, ...]
@@ -99,13 +117,15 @@ class Augmentation(LazySequence[dict[str, Array]]):
     variants: int
     min_new: float
     epoch: int = 0
-    _grafts: dict[Any, Graft] = field(default_factory=dict, init=False, repr=False)
+    _draws: dict[Any, _Draw] = field(default_factory=dict, init=False, repr=False)
+    _plans: dict[int, GraftPlan] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {k: v for k, v in self.__dict__.items() if k not in ("donors", "_grafts", "_ends")}
+        kept = ("donors", "_draws", "_plans", "_ends")
+        return {name: own for name, own in self.__dict__.items() if name not in kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state, _grafts={})
+        self.__dict__.update(state, _draws={}, _plans={})
 
     def __len__(self) -> int:
         return int(self._ends[-1])
@@ -125,18 +145,18 @@ class Augmentation(LazySequence[dict[str, Array]]):
         """
         number = int(np.searchsorted(self._ends, index, side="right"))
         before = int(self._ends[number - 1]) if number else 0
-        start = int(self.starts[number][index - before])
-        best, share = None, -1.0
+        base, start = int(self.bases[number]), int(self.starts[number][index - before])
+        best, share, stop = None, -1.0, start + self.n_frames
         for draw in range(self.epoch * _MAX_DRAWS, (self.epoch + 1) * _MAX_DRAWS):
-            graft = self._graft(int(self.bases[number]), draw)
-            new = float(frame_newness(graft)[0][start : start + self.n_frames].mean())
+            found = self._cached_draw(base, draw)
+            new = int(found.n_new[stop] - found.n_new[start]) / self.n_frames
             if new > share:
-                best, share = graft, new
+                best, share = found, new
             if new >= self.min_new:
                 break
         assert best is not None
-        root, frames = self.library.root, self.n_frames
-        (row,) = compute_features(self.features, best.motion, [start], frames, root)
+        frames, root = slice(start, stop), self.library.root
+        row = cut_window(self.features, best.tracks, best.motion, frames, root)
         return {**row, "new": np.array(share, np.float32), "index": np.array(index)}
 
     def run_job(self, job: int, encode: Encode | None = None) -> JobResult:
@@ -171,15 +191,16 @@ class Augmentation(LazySequence[dict[str, Array]]):
     def _windows(
         self, graft: Graft, draw: int, starts: Sequence[int], encode: Encode | None
     ) -> list[Window]:
-        root, n_frames = self.library.root, self.n_frames
-        rows = compute_features(self.features, graft.motion, starts, n_frames, root)
-        found = []
-        for start, features in zip(starts, rows, strict=True):
-            name, data = f"{graft.base.name}_{draw}_{start}", b""
+        motion, root, found = graft.motion, self.library.root, list[Window]()
+        tracks = compute_tracks(self.features, motion, root)
+        for start in starts:
+            frames, data = slice(start, start + self.n_frames), b""
+            name = f"{graft.base.name}_{draw}_{start}"
             if encode is not None:
-                data = encode(replace(graft.motion[start : start + n_frames], name=name))
-            provenance = provenance_rows(graft, draw, start, n_frames)
-            found.append(Window(name, features, provenance, data))
+                data = encode(replace(motion[frames], name=name))
+            provenance = provenance_rows(graft, draw, start, self.n_frames)
+            row = cut_window(self.features, tracks, motion, frames, root)
+            found.append(Window(name, row, provenance, data))
         return found
 
     @cached_property
@@ -203,7 +224,11 @@ class Augmentation(LazySequence[dict[str, Array]]):
         """
         name = self.library.entries[base].name.encode("utf-8", "surrogatepass")
         digest = hashlib.sha256(b"%d %s" % (self.seed, name)).digest()
-        plan = GraftPlan.build(self.donors, base, None, ())
+        plan = self._plans.get(base)
+        if plan is None:
+            plan = GraftPlan.build(self.donors, base, None, ())
+            self._plans.clear()  # further draws of the base are often needed next
+            self._plans[base] = plan
         return plan, plan.choose_donors(count, int.from_bytes(digest[:8], "big"))
 
     def build(self, base: int, draws: Sequence[int]) -> list[Graft]:
@@ -211,22 +236,38 @@ class Augmentation(LazySequence[dict[str, Array]]):
         plan, drawn = self._draw(base, max(draws) + 1)
         return [build_graft(plan, drawn[draw], self.seed, draw) for draw in draws]
 
-    def _graft(self, base: int, draw: int) -> Graft:
-        graft = self._grafts.get((base, draw))
-        if graft is None:
+    def _cached_draw(self, base: int, draw: int) -> _Draw:
+        """Return the features of a graft, which stay in memory; the oldest ones are dropped."""
+        found = self._draws.get((base, draw))
+        if found is None:
             plan, drawn = self._draw(base, draw + 1)
-            draw = min(draw, len(drawn) - 1) if draw < _MAX_DRAWS else draw % len(drawn)
-            graft = build_graft(plan, drawn[draw], self.seed, draw)
-            for key in list(self._grafts)[: 1 - _CACHED_GRAFTS]:
-                self._grafts.pop(key, None)
-            self._grafts[base, draw] = graft
-        return graft
+            own = min(draw, len(drawn) - 1) if draw < _MAX_DRAWS else draw % len(drawn)
+            found = self._draws.get((base, own)) or self._compute_draw(plan, drawn[own], own)
+            items, size = list(self._draws.items()), found.n_bytes
+            size += sum(known.n_bytes for _, known in items)
+            for key, known in items:
+                if size <= _CACHED_BYTES:
+                    break
+                size -= known.n_bytes
+                self._draws.pop(key, None)
+            self._draws[base, draw] = found
+        return found
+
+    def _compute_draw(self, plan: GraftPlan, donors: DonorSequences, draw: int) -> _Draw:
+        graft = build_graft(plan, donors, self.seed, draw)
+        tracks = compute_tracks(self.features, graft.motion, self.library.root)
+        n_new = np.append(0, np.cumsum(frame_newness(graft)[0]))
+        motion = graft.motion if len(tracks) < len(self.features) else None
+        size = 0 if motion is None else motion.rotations.nbytes + motion.positions.nbytes
+        size += n_new.nbytes + sum(own.nbytes for own in tracks.values())
+        return _Draw(tracks, motion, n_new, size)
 
 
 def augment(
     library: Library,
     *,
     seconds: float = 4.0,
+    stride: float | None = None,
     split: Split | None = None,
     part: str = "train",
     bases: str | Sequence[str] = "*",
@@ -246,6 +287,9 @@ def augment(
         The library.
     seconds : float
         Duration of a window.
+    stride : float, optional
+        Seconds between the first frames of windows on one base. Default: `seconds`; less gives more
+        windows, which overlap and are parts of the same grafts.
     split : path or mapping, optional
         A CSV file, or a mapping, from clips to parts; or ``auto:clip``, ``auto:file``, ``auto:tag``
         or ``auto:tag:GLOB``, by which clips, files, or clips with a tag in common are divided into
@@ -285,17 +329,20 @@ def augment(
     check_type("library", library, Library)
     if not 0 < float(seconds) < 1e6 or round(seconds * library.rate) < 2:
         raise ValueError(f"`seconds` must give windows of at least 2 frames, got {seconds}")
+    stride = float(seconds if stride is None else stride)
+    if not 0.5 < stride * library.rate < np.inf:
+        raise ValueError(f"`stride` must be at least one frame, got {stride}")
     if not 0 <= float(min_new) <= 1:
         raise ValueError(f"`min_new` must be a share of frames, 0 to 1, got {min_new}")
     names = check_features(features, library)
     seed, variants = as_integer("seed", seed), as_integer("variants", variants, 1)
     chosen = select_part(library, split, part, seed)
-    n_frames = round(seconds * library.rate)
+    n_frames, step = round(seconds * library.rate), round(stride * library.rate)
     wanted = find_matches("bases", bases, library.names)
     wanted = [clip for clip in wanted if chosen.clips[clip]]
     spans = _faultless_spans(library)
     starts = {
-        clip: [k for low, high in spans[clip] for k in range(low, high - n_frames + 1, n_frames)]
+        clip: [k for low, high in spans[clip] for k in range(low, high - n_frames + 1, step)]
         for clip in wanted
     }
     clips = [clip for clip in wanted if len(starts[clip])]
@@ -312,6 +359,7 @@ def augment(
         library=library,
         part=chosen,
         n_frames=n_frames,
+        stride=step,
         features=names,
         bases=np.array(order),
         starts=tuple(np.array(starts[clip]) for clip in order),

@@ -83,17 +83,26 @@ def check_features(names: Sequence[str], library: LibraryData) -> tuple[str, ...
     return tuple(dict.fromkeys(names))
 
 
-def compute_features(
-    names: Sequence[str], motion: Motion, starts: Sequence[int], n_frames: int, root: int
-) -> list[dict[str, Array]]:
-    """Return the features of the windows of a motion that begin at the frames `starts`."""
-    windows: list[dict[str, Array]] = [{} for _ in starts]
-    for name in names:
-        feature = FEATURES[name]
-        whole = None if feature.of_window else feature.compute(motion, root)
-        for window, start in zip(windows, starts, strict=True):
-            frames = slice(start, start + n_frames)
-            own = feature.compute(motion[frames], root) if whole is None else whole[frames]
-            kind = np.bool_ if own.dtype == np.bool_ else np.float32
-            window[name] = np.ascontiguousarray(own, kind)
-    return windows
+def compute_tracks(names: Sequence[str], motion: Motion, root: int) -> dict[str, Array]:
+    """Return the features of all frames of a motion, but those that are computed for windows."""
+    whole = [name for name in names if not FEATURES[name].of_window]
+    return {name: _as_stored(FEATURES[name].compute(motion, root)) for name in whole}
+
+
+def cut_window(
+    names: Sequence[str], tracks: dict[str, Array], motion: Motion | None, frames: slice, root: int
+) -> dict[str, Array]:
+    """Return the features of a window, in new arrays; `tracks` has those of all frames.
+
+    The motion may be missing if `tracks` has all features.
+    """
+    row = {name: own[frames].copy() for name, own in tracks.items()}
+    if motion is not None and len(row) < len(names):
+        window = motion[frames]
+        more = {own: FEATURES[own].compute(window, root) for own in names if own not in row}
+        row |= {name: _as_stored(own) for name, own in more.items()}
+    return {name: row[name] for name in names}
+
+
+def _as_stored(track: Array) -> Array:
+    return np.ascontiguousarray(track, np.bool_ if track.dtype == np.bool_ else np.float32)

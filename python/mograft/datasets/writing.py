@@ -3,6 +3,7 @@
 import csv
 import hashlib
 import io
+import itertools
 import json
 import pickle
 from collections import Counter, deque
@@ -120,7 +121,7 @@ def write(
         state, is_complete = _find_state(target, request)
         if not is_complete:
             _write_shards(windows, target, request, state, executor, progress)
-        return _finish(windows, target, request, state)
+        return _finish(windows, target, request, state, is_joined=is_complete)
 
 
 def _request(windows: Augmentation, count: int, format_: str) -> dict[str, Any]:
@@ -136,6 +137,7 @@ def _request(windows: Augmentation, count: int, format_: str) -> dict[str, Any]:
         "bases": hashlib.sha256(members).hexdigest(),
         "rate": library.rate,
         "frames": windows.n_frames,
+        "stride": windows.stride,
         "features": list(windows.features),
         "joints": list(library.skeleton.names),
         "seed": windows.seed,
@@ -147,8 +149,8 @@ def _request(windows: Augmentation, count: int, format_: str) -> dict[str, Any]:
 
 def _describe_change(name: str, before: Any, value: Any, rate: float) -> str:  # noqa: ANN401 - JSON
     """Return which argument differs from that of a data set, and how if it is a number or word."""
-    if name == "frames":
-        name = "seconds"
+    if name in ("frames", "stride") and before is not None:
+        name = "seconds" if name == "frames" else name
         before, value = (f"{n / rate:.6g}" for n in (before, value))
     if name in _HASHED or isinstance(value, list | dict):
         return f"another {'--set or --variety' if name == 'config' else f'`{name}`'}"
@@ -260,11 +262,14 @@ def _write_manifest(
 
 
 def _finish(
-    windows: Augmentation, folder: Path, request: dict[str, Any], state: _State
+    windows: Augmentation, folder: Path, request: dict[str, Any], state: _State, *, is_joined: bool
 ) -> dict[str, Any]:
-    """Join the provenance of the shards, and complete the manifest by a report."""
+    """Join the provenance of the shards, complete the manifest by a report, and remove the parts.
+
+    If `is_joined`, an earlier run did so, but may have ended before the last part was removed.
+    """
     parts = folder / _PARTS
-    if parts.is_dir() or not (folder / TABLE).exists():
+    if not is_joined:
         names = [parts / f"{number:05d}.csv" for number in range(len(state.shards))]
         body = b"".join(path.read_bytes() for path in names)
         write_bytes(folder / TABLE, ",".join(PROVENANCE).encode() + b"\n" + body)
@@ -319,23 +324,17 @@ def _run_jobs(
     windows: Augmentation, format_: str, first: int, executor: Executor | None
 ) -> Iterator[tuple[int, JobResult]]:
     """Yield the results of the jobs from `first` on, in order, without end."""
+    encode, run = FORMATS[format_].encode, Augmentation.run_job
     if executor is None:
-        job = first
-        while True:
-            yield job, _run_job(windows, format_, job)
-            job += 1
-    payload, pending, job = pickle.dumps(windows), deque[Future[JobResult]](), first
+        yield from ((job, windows.run_job(job, encode)) for job in itertools.count(first))
+        return
+    payload, pending = pickle.dumps(windows), deque[Future[JobResult]]()
     try:
-        while True:
+        for job in itertools.count(first):
             while len(pending) < _MAX_PENDING_JOBS:
                 later = job + len(pending)
-                pending.append(executor.submit(call_with, payload, _run_job, format_, later))
+                pending.append(executor.submit(call_with, payload, run, later, encode))
             yield job, pending.popleft().result()
-            job += 1
     finally:
         for future in pending:
             future.cancel()
-
-
-def _run_job(windows: Augmentation, format_: str, job: int) -> JobResult:
-    return windows.run_job(job, FORMATS[format_].encode)

@@ -1,5 +1,6 @@
 """Neighbourhoods of base segments: the values of `Config.neighbourhood`."""
 
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -12,6 +13,9 @@ FEWEST_DONORS = 2
 
 _ROUNDING = 1e-11
 """Bound of the rounding error of a squared distance, relative to the greatest squared norm."""
+
+_SORTED: "dict[int, tuple[weakref.ref[FloatArray], tuple[IntArray, FloatArray, FloatArray]]]" = {}
+"""The last result of `_sort`, by the identity of its argument."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +100,7 @@ def _ball_members(
     """
     if points is None:
         return [base[index : index + 1] for index in range(len(base))]
-    order = np.argsort(points[:, 0], kind="stable")
-    by_first, limit = points[order], sigma * sigma
-    squares = np.einsum("ij,ij->i", by_first, by_first)
+    (order, by_first, squares), limit = _sort(points), sigma * sigma
     reach = sigma * (1.0 + 1e-9)  # the sum below is rounded
     first = np.searchsorted(by_first[:, 0], points[base, 0] - reach, side="left")
     last = np.searchsorted(by_first[:, 0], points[base, 0] + reach, side="right")
@@ -112,6 +114,23 @@ def _ball_members(
         distances = np.linalg.norm(by_first[low:high][near[unsure]] - point, axis=1)
         unsure[unsure] = distances > sigma
         found.append(np.sort(order[low:high][near[~unsure]]))
+    return found
+
+
+def _sort(points: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return the order by the first component, the points in it, and their squared norms.
+
+    The result is kept: all grafts of a library use the same points.
+    """
+    known = _SORTED.get(id(points))
+    if known is not None and known[0]() is points:
+        return known[1]
+    order = np.argsort(points[:, 0], kind="stable")
+    by_first = points[order]
+    found = order, by_first, np.einsum("ij,ij->i", by_first, by_first)
+    if not points.flags.writeable:
+        _SORTED.clear()
+        _SORTED[id(points)] = weakref.ref(points), found
     return found
 
 

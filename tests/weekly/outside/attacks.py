@@ -83,12 +83,12 @@ def failing_calls(folder, scale, rng) -> Iterator[tuple[str, str]]:
             (code, _, err), (n_faults, *_) = attack(command, call, at, error)
             problems = [complaint(code, "", err)] if n_faults or code else []
             found = state(folder)
-            problems += differences(found, old, new)
+            problems += [] if command.resumes else differences(found, old, new)
             if code == 0 and found != new:
                 problems.append("exit code 0, but not the new state")
-            again = command.words if "--add" in command.words else f"{command.words} --force"
-            code, _, err = run(again.replace("--force --force", "--force"), folder)
-            if code or state(folder).keys() != new.keys():
+            code, _, err = run(command.again(folder), folder)
+            found = state(folder)
+            if code or (found != new if command.resumes else found.keys() != new.keys()):
                 problems.append(f"next start: exit code {code}: {err[-200:]}")
             place = f"{call} {at} fails with {errno.errorcode.get(error, 'half')}"
             problems = [own for own in problems if own]
@@ -119,12 +119,13 @@ def random_signals(folder, scale, rng) -> Iterator[tuple[str, str]]:
                 problems.append(f"exit code {process.returncode}: {err[-300:]}")
             if "Traceback" in err or "Exception ignored" in err:
                 problems.append(f"prints {err[-300:]!r}")
-            found = {
-                k: v for k, v in state(folder).items() if number != signal.SIGKILL or k[0] != "."
-            }
+            if command.resumes:
+                code, _, err = run(command.again(folder), folder)
+                problems += [f"next start: {code}: {err[-200:]}"] if code else []
+            found = state(folder)
             if number == signal.SIGKILL:
-                found = {k: v for k, v in found.items() if "/." not in k}
-            problems += differences(found, old, new)
+                found = {k: v for k, v in found.items() if k[0] != "." and "/." not in k}
+            problems += differences(found, new if command.resumes else old, new)
             place = f"{number.name} after {moment:.2f} s, group {to_group}"
             yield command.name, f"{place}: {'; '.join(problems)}" if problems else ""
 

@@ -26,12 +26,21 @@ class Command:
     words: str
     prepare: str = ""  # the command that makes the old state
     needs: str = ""  # the package that it needs
+    resumes: str = ""  # the folder that --resume continues after a failure
 
     def is_possible(self):
         return not self.needs or find_spec(self.needs) is not None
 
+    def again(self, folder):
+        """Return the words of the next start, after a failure."""
+        if self.resumes:
+            return self.words + (" --resume" if (folder / self.resumes).exists() else "")
+        has_way = "--add" in self.words or "--force" in self.words
+        return self.words if has_way else f"{self.words} --force"
+
 
 _INDEX = "index in/a.bvh -o work/l"
+_AUGMENT = "augment in/l -o work/s -n 4 --seconds 1 --format"
 _GRAFT = "graft in/a.bvh -o work/out -n 2"
 COMMANDS = [
     own
@@ -47,6 +56,10 @@ COMMANDS = [
         Command("lib export csv", "lib export in/l --format csv -o work/t"),
         Command("lib export npz", "lib export in/l --format npz -o work/t.npz"),
         Command("lib export parquet", "lib export in/l --format parquet -o work/t", "", "pyarrow"),
+        Command("demo", "demo -o work/d"),
+        Command("find", "find in/a.bvh in/l --frames 0-40 -o work/f.html"),
+        Command("augment npz", f"{_AUGMENT} npz", resumes="work/s"),
+        Command("augment parquet", f"{_AUGMENT} parquet", "", "pyarrow", resumes="work/s"),
         Command("curate", "curate in/l -o work/chosen --keep 50% -q"),
         Command("groups", "groups in/a.bvh -o work/groups.toml"),
         Command("view", "view in/a.bvh -o work/a.html"),
@@ -152,8 +165,8 @@ def state(folder):
     found, libraries = {}, []
     for path in sorted((folder / "work").rglob("*")):
         name = str(path.relative_to(folder / "work"))
-        if path.name == "manifest.json":
-            files = json.loads(path.read_text())["files"]
+        if path.name == "manifest.json" and "files" in (own := json.loads(path.read_text())):
+            files = own["files"]
             for file, own in files.items():
                 actual = hashlib.sha256((path.parent / file).read_bytes()).hexdigest()
                 assert actual == own["sha256"], f"{file} is damaged"

@@ -43,7 +43,7 @@ def run_augment(options: AugmentOptions) -> int:
     library = configuration.load_library(options)
     if options.jobs > 1 and library.folder is None:
         raise UsageError("--jobs requires a library in a folder, which mograft index makes")
-    names = ("seconds", "split", "part", "variants", "min_new")
+    names = ("seconds", "stride", "split", "part", "variants", "min_new")
     given = {name: getattr(options, name) for name in names} | {"seed": options.seed or 0}
     given["part"] = options.part or "train"
     features = options.features or DEFAULT_FEATURES
@@ -123,9 +123,9 @@ def run_find(options: FindOptions) -> int:
     if options.query is not None:
         query = _read_query(library, options.query)
         frames = frame_range(query, options.frames)
-    hits = find(
-        library, query, frames=frames, part=options.part, text=options.text, top=options.top
-    )
+    given = {name: getattr(options, name) for name in ("part", "text", "top")}
+    with worker_processes(options.jobs) as executor:
+        hits = find(library, query, frames=frames, executor=executor, **given)
     lines = [_describe_hit(hit, library.rate) for hit in hits] or ["no span was found"]
     if options.output is not None or options.open:
         path = options.output or temporary_path()
@@ -176,7 +176,9 @@ def run_curate(options: CurateOptions) -> int:
     if options.files is not None and (output is None or is_table):
         raise UsageError("--files requires -o with a folder")
     library = Library.open(options.library)
-    found = curate(library, radius=options.radius, keep=options.keep, part=options.part)
+    given = {name: getattr(options, name) for name in ("radius", "keep", "part", "shards")}
+    with worker_processes(options.jobs) as executor:
+        found = curate(library, executor=executor, **given)
     if output is not None and is_table:
         write_bytes(output, curation_table(found))
     elif output is not None:

@@ -28,6 +28,9 @@ class AugmentOptions(options.SeedOptions, options.LibraryOptions, section="outpu
     output: values.Folder = option("folder of the data set", short="-o", is_required=True)
     count: values.Count = option("number of windows", short="-n", is_required=True)
     seconds: values.Duration = setting("duration of a window (default: 4)", default=4.0)
+    stride: values.Duration | None = setting(
+        "seconds from a window to the next on the same base (default: the duration of a window)"
+    )
     bases: values.Clips | None = setting("base clips, or globs such as waltz* (default: all)")
     split: Annotated[str, Value("CSV|auto:KEY")] | None = setting(
         "table of clips and their parts, or automatic parts (default: all clips)",
@@ -72,6 +75,7 @@ class FindOptions(options.WriterOptions, section="output"):
     part: values.Name | None = option("joint group that is compared (default: all groups)")
     text: values.Name | None = option("words of names, tags and descriptions of clips")
     top: values.Count = setting("number of spans (default: 20)", default=20)
+    jobs: values.Count = setting("processes that compare (default: 1)", default=1, short="-j")
     output: values.File | None = option(
         "HTML file in which the query and the first spans are side by side", short="-o"
     )
@@ -93,6 +97,13 @@ class CurateOptions(options.WriterOptions, section="output"):
         "share of the frames to keep, such as 10%, instead of a radius"
     )
     part: values.Name | None = option("joint group that is compared (default: all groups)")
+    shards: values.Count = setting(
+        "shards of clips, of which each is chosen from first (default: 1)",
+        default=1,
+        is_expert=True,
+        details="no tree then has the segments of all clips; more clips are kept",
+    )
+    jobs: values.Count = setting("processes of shards (default: 1)", default=1, short="-j")
     output: values.OutputPath | None = option(
         ".csv file for a table of all clips, with the reason for each; or a folder for this table "
         "and a page with the curve of coverage and examples",

@@ -52,6 +52,15 @@ def map_array(path: Path) -> npt.NDArray[Any]:
     raise ValueError("the header is damaged or does not match the size of the file")
 
 
+def release_pages(array: npt.NDArray[Any]) -> None:
+    """Remove what was read of a mapped array from the memory of the process, but not of the system.
+
+    Otherwise each clip that was read counts as memory of the process until it ends.
+    """
+    if isinstance(array.base, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+        array.base.madvise(mmap.MADV_DONTNEED)
+
+
 def _close(handle: int) -> None:
     """Close a file that was read; Python would print the traceback of an error in a finalizer."""
     with contextlib.suppress(OSError):

@@ -13,7 +13,7 @@ from mograft._util.containers import LazySequence
 from mograft.analysis.embedding import CHUNK, Samples
 from mograft.io.bvh.reader import channels_to_transforms
 from mograft.library.clip_table import ClipTable, PackedContent
-from mograft.library.files.array_files import RowFile, damage_raises_library_error
+from mograft.library.files.array_files import RowFile, damage_raises_library_error, release_pages
 from mograft.library.spec import LibrarySpec
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -127,6 +127,7 @@ class StoredClips(LazySequence[Motion]):
             stored = self._frames[location.shard][start : start + location.n_numbers]
             skeleton = self.table.skeletons[location.skeleton]
             numbers = np.array(stored, np.float64)
+            release_pages(self._frames[location.shard])
             poses = _unpack(numbers, location.content, info.source_frames, skeleton)
             return Motion(
                 skeleton,
