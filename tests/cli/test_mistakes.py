@@ -77,7 +77,8 @@ MISTAKES = [
     ("export broken.glb -o x.bvh", INVALID, "broken.glb: byte 8: expected"),
     ("graft zero.bvh -o x", INVALID, "zero.bvh:113:9: expected at least 1 frame, got Frames: 0"),
     ("graft a.bvh other.bvh -o x", RUNTIME, "also has LeftElbow, unlike"),
-    ("graft a.bvh -o x --base other.bvh", RUNTIME, "also has LeftElbow, unlike a in the library"),
+    ("graft a.bvh -o x --base other.bvh", RUNTIME, "unlike a in the library; the "
+     "base must have the hierarchy of the clips, unless joints are matched by anatomy (--match"),
     ("graft one.bvh -o x", RUNTIME, "must have at least 2 frames, got 1"),
     ("graft lib a.bvh -o x", USAGE, "expected one library or motion files, got both"),
     ("export lib -o x.glb", RUNTIME, "lib is a library; expected motion files"),

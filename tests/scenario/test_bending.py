@@ -66,7 +66,7 @@ def test_bend_turns_last_frame_and_keeps_body_and_plants(walk, turn):
     assert_same_rotations(own_motion(bent), own_motion(walk))
     contacts = detect_contacts(walk)
     assert largest_slide(bent, contacts) <= largest_slide(walk, contacts)
-    assert mg.foot_skate(bent) <= mg.plant_feet(walk)[1].skate_after + 0.03
+    assert mg.foot_skate(bent) <= mg.plant_feet(walk)[1].skate_after + 0.05
 
 
 @few_examples(12)
@@ -90,7 +90,7 @@ def test_bend_avoids_obstacles_and_keeps_frames_before_them(walk, share, aside, 
     assert np.abs(np.diff(headings)).max() < 0.2
     before = np.abs(np.diff(walk.positions[:, root], axis=0)).max()
     assert np.abs(np.diff(bent.positions[:, root], axis=0)).max() < 1.1 * before
-    assert mg.foot_skate(bent) <= mg.plant_feet(walk)[1].skate_after + 0.03
+    assert mg.foot_skate(bent) <= mg.plant_feet(walk)[1].skate_after + 0.05
 
 
 def test_bend_without_turn_and_contact_returns_same_motion(walk):

@@ -31,6 +31,20 @@ def test_ball_members_match_the_oracle(seed, sigma, is_grid):
         assert found.tolist() == expected
 
 
+@given(SEEDS, st.floats(100, 308), st.integers(0, 3))
+def test_ball_members_are_found_beside_points_of_any_size(seed, exponent, column):
+    """The points of a damaged library are far from all others, and cause no warning."""
+    rng, ball = np.random.default_rng(seed), NEIGHBOURHOODS["ball"]
+    points = rng.normal(size=(N, 4))
+    huge = rng.random(N) < 0.1
+    points[huge, column] = rng.choice([-1.0, 1.0], huge.sum()) * 10.0**exponent
+    members = ball.find_members(np.arange(N), points, 1.0, np.arange(N))
+    usual = np.flatnonzero(~huge)
+    alone = ball.find_members(np.arange(len(usual)), points[usual], 1.0, np.arange(len(usual)))
+    for index, own in zip(usual, alone, strict=True):
+        assert members[index].tolist() == usual[own].tolist()
+
+
 def test_ball_members_are_those_of_the_points_given():
     rng, ball = np.random.default_rng(0), NEIGHBOURHOODS["ball"]
 

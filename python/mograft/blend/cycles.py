@@ -1,14 +1,12 @@
 """`cut_cycle`: a loop, such as two steps of a walk, cut out of a longer motion."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from mograft._util.arrays import FloatArray, as_floats
 from mograft._util.validate import check_type
 from mograft.blend.loop_join import close_values
 from mograft.blend.recombine import Part, recombine
-from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
+from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms, root_part
 from mograft.blend.seams import ROTATIONS, TRANSLATIONS, ValueSpace
 from mograft.body.mass import mass_model, up_axis
 from mograft.config import Config
@@ -77,45 +75,31 @@ def _find_cycle(motion: Motion, seconds: float | None) -> tuple[int, int]:
     low, high = _MIN_SECONDS, _MAX_SECONDS
     if seconds is not None:
         low, high = seconds * (1.0 - _TOLERANCE), seconds * (1.0 + _TOLERANCE)
-    best, found, shortest = np.inf, (0, 0), np.inf
-    for lag, first, share in _matches(motion):
-        duration = lag * motion.frame_time
-        if duration > min(high, _LONGER * shortest):
+    features, longest = _features(motion), high * motion.rate
+    best, found, largest = np.inf, (0, 0), np.zeros(len(features))
+    for lag in range(1, len(features)):
+        if lag > longest:
             break
-        if duration >= low:
-            if share <= _MAX_DIFFERENCE and seconds is None:
-                shortest = min(shortest, duration)
-            if share < best:
-                best, found = share, (first, first + lag)
+        differences = np.linalg.norm(features[lag:] - features[:-lag], axis=1)
+        largest = np.maximum(largest[:-1], differences)  # from each frame to those before its end
+        shares = np.where(largest < _MIN_EXTENT, np.inf, differences / largest.clip(_MIN_EXTENT))
+        first = int(shares.argmin())
+        if lag >= max(low * motion.rate, 3.0) and shares[first] < best:
+            best, found = float(shares[first]), (first, first + lag)
+            if best <= _MAX_DIFFERENCE and seconds is None:
+                longest = min(longest, _LONGER * lag)
     if best <= _MAX_DIFFERENCE:
         return found
-    what = f"{motion.name or 'the motion'} has no cycle of {low:.3g} to {high:.3g} s"
-    if not found[1]:
-        reason = "moves too little" if motion.duration >= low else f"has {motion.duration:.3g} s"
-        raise ValueError(f"{what}: it {reason}; give another clip or a shorter duration")
+    reason = "it moves too little" if motion.duration >= low else f"it has {motion.duration:.3g} s"
+    if found[1]:
+        reason = (
+            f"the ends of the nearest, frames {found[0]}-{found[1]}, differ by {best:.0%} of the "
+            f"largest difference within it (limit {_MAX_DIFFERENCE:.0%})"
+        )
     raise ValueError(
-        f"{what}: the ends of the nearest, frames {found[0]}-{found[1]}, differ by {best:.0%} of "
-        f"the largest difference within it (limit {_MAX_DIFFERENCE:.0%}); give another clip, other "
-        "frames of it or another duration"
+        f"{motion.name or 'the motion'} has no cycle of {low:.3g} to {high:.3g} s: {reason}; give "
+        "another clip, other frames of it or another duration"
     )
-
-
-def _matches(motion: Motion) -> Iterator[tuple[int, int, float]]:
-    """Yield for each number of frames between two ends the first frame of the best match.
-
-    The third value is the difference of its ends, as a share of the largest within it. Numbers of
-    frames without any movement are left out.
-    """
-    features = _features(motion)
-    largest = np.zeros(len(features))
-    for lag in range(1, len(features)):
-        differences = np.linalg.norm(features[lag:] - features[:-lag], axis=1)
-        largest = np.maximum(largest[:-1], differences)
-        shares = differences / np.maximum(largest, _MIN_EXTENT)
-        shares[largest < _MIN_EXTENT] = np.inf
-        if lag >= 3 and np.isfinite(shares).any():
-            first = int(shares.argmin())
-            yield lag, first, float(shares[first])
 
 
 def _features(motion: Motion) -> FloatArray:
@@ -165,9 +149,7 @@ def _close(motion: Motion, first: int, last: int) -> Motion:
     ends = RootTransforms(
         np.where(is_second, rotations.multiply(back, quats), quats),
         np.where(is_second, rotations.rotate(back, places - moved.translations), places),
-    ).relative_to_parent(motion, frames, root)
-    is_far = (np.minimum(frames - first, last - frames) >= blend * rate)[:, None]
-    quats = np.where(is_far, cycle.rotations[:, root], ends.rotations)
-    places = np.where(is_far, cycle.positions[:, root], ends.positions)
-    of_root = Part(np.array([root]), quats[:, None], places[:, None])
-    return recombine(cycle, [Part(others, *closed), of_root], motion.name)
+    )
+    is_far = np.minimum(frames - first, last - frames) >= blend * rate
+    parts = [Part(others, *closed), root_part(cycle, root, ends, is_far)]
+    return recombine(cycle, parts, motion.name)

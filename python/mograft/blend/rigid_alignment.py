@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft.blend.recombine import Part
 from mograft.body.capsules import Poses
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -93,6 +94,14 @@ class AlignmentTransform:
             poses.rotations @ left,
             poses.positions @ axes + self.translations[:, None],
         )
+
+
+def root_part(motion: Motion, root: int, world: RootTransforms, is_kept: BoolArray) -> Part:
+    """Return the part of a root with new world transforms; unchanged in the frames `is_kept`."""
+    local = world.relative_to_parent(motion, np.arange(motion.n_frames), root)
+    quats = np.where(is_kept[:, None], motion.rotations[:, root], local.rotations)
+    places = np.where(is_kept[:, None], motion.positions[:, root], local.positions)
+    return Part(np.array([root]), quats[:, None], places[:, None])
 
 
 def joint_track(clip: Motion, joint: int) -> tuple[FloatArray, FloatArray]:

@@ -111,9 +111,13 @@ def mass_model(skeleton: Skeleton) -> MassModel:
     next part towards the trunk. Joints of the face, markers and ancestors of the hips have mass 0.
     In other skeletons each bone is a uniform rod with mass proportional to its length.
     """
-    sites = tuple((site.parent, site.offset.tobytes()) for site in skeleton.end_sites)
-    content = (skeleton.names, skeleton.parents.tobytes(), skeleton.offsets.tobytes(), sites)
-    return _cached_mass_model(_SkeletonKey(content, skeleton))
+
+    def compute() -> MassModel:
+        sites = tuple((site.parent, site.offset.tobytes()) for site in skeleton.end_sites)
+        content = (skeleton.names, skeleton.parents.tobytes(), skeleton.offsets.tobytes(), sites)
+        return _cached_mass_model(_SkeletonKey(content, skeleton))
+
+    return remember(skeleton, "mass model", compute)
 
 
 @dataclass(frozen=True)
@@ -124,7 +128,7 @@ class _SkeletonKey:
     skeleton: Skeleton = field(compare=False)
 
 
-# Called several times per clip; the clips of one actor share their bones.
+# The clips of one actor share their bones.
 @lru_cache(maxsize=64)
 def _cached_mass_model(key: _SkeletonKey) -> MassModel:
     skeleton = key.skeleton

@@ -14,9 +14,13 @@ from mograft.motion.skeleton import Skeleton
 
 def figure_size(skeleton: Skeleton) -> float:
     """Return the mean length of the legs along the bones; without legs, the stature."""
-    body = mass_model(skeleton)
-    legs = [path_length(skeleton, body.hips, foot.ankle) for foot in body.feet]
-    return float(np.mean(legs)) if any(legs) else body.height
+
+    def compute() -> float:
+        body = mass_model(skeleton)
+        legs = [path_length(skeleton, body.hips, foot.ankle) for foot in body.feet]
+        return float(np.mean(legs)) if any(legs) else body.height
+
+    return remember(skeleton, "figure size", compute)
 
 
 def resize(motion: Motion, skeleton: Skeleton) -> Motion:

@@ -163,7 +163,7 @@ class DerivableLibrary(LibraryData):
         except SkeletonMismatchError as error:
             raise SkeletonMismatchError(
                 f"{error}, unlike {join_names(self.names, 3)} in the library; the base must have "
-                "the hierarchy of the clips"
+                "the hierarchy of the clips, unless joints are matched by anatomy (--match anatomy)"
             ) from None
 
     def with_clip(self, motion: Motion) -> Self:

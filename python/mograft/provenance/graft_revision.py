@@ -24,9 +24,10 @@ from mograft.search.donor_constraints import Ban, KeepOriginal
 from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences, viterbi
 from mograft.solve.donor_repair import repair_near
-from mograft.solve.finish import find_kept_violations, find_motion_violations
+from mograft.solve.finish import find_motion_violations
 from mograft.solve.plan import GraftPlan
 from mograft.solve.search_problem import SearchProblem
+from mograft.synthesis.graft import can_be_removed, total_excess
 from mograft.synthesis.graft_result import Graft
 
 _NEAREST_FACTOR = 2
@@ -115,10 +116,10 @@ def constrain(
         else:
             near = partial(_choose_near, is_open=is_open)
             new = choose_again(graft, _with_nearest(plan, is_open), is_open, seed, near)
-            if not is_quick and is_open.any() and _can_be_removed(new, problem):
+            if not is_quick and is_open.any() and can_be_removed(new, problem):
                 with suppress(CancelledError):
                     other = choose_again(graft, plan, is_open, seed)
-                    new = min(new, other, key=_total_excess)
+                    new = min(new, other, key=total_excess)
     else:
         violations = find_motion_violations(problem, graft.motion, graft.donors)
         request = replace(graft.request, constraints=problem.constraints)
@@ -154,18 +155,6 @@ def _choose_near(plan: GraftPlan, *, is_open: BoolArray) -> DonorSequences:
     first, stop = max(int(positions[0]) - 1, 0), int(positions[-1]) + 2
     stop = min(stop, len(plan.problem.base_segments))
     return repair_near(plan.problem, donors, trellises, first, stop)
-
-
-def _can_be_removed(graft: Graft, problem: SearchProblem) -> bool:
-    """Return whether a graft has a violation by a joint that donors move."""
-    base, groups = problem.base, list(problem.pools)
-    kept = find_kept_violations(problem.library, base, groups, problem.constraints)
-    known = {(own.frames, own.worst, own.joint) for own in kept}
-    return any((own.frames, own.worst, own.joint) not in known for own in graft.violations)
-
-
-def _total_excess(graft: Graft) -> float:
-    return sum(violation.error - 1.0 for violation in graft.violations)
 
 
 def _is_in(own: Constraint, constraints: Sequence[Constraint]) -> bool:

@@ -8,8 +8,8 @@ from mograft._util.arrays import FloatArray, as_floats
 from mograft._util.gaussian import gaussian_filter_columns
 from mograft._util.validate import check_type
 from mograft.blend.foot_planting import plant_feet
-from mograft.blend.recombine import Part, recombine
-from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
+from mograft.blend.recombine import recombine
+from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms, root_part
 from mograft.body.capsules import Poses
 from mograft.body.contacts import detect_contacts, foot_heights
 from mograft.body.mass import mass_model, up_axis
@@ -110,14 +110,9 @@ class _Path:
 
     def follow(self, headings: FloatArray) -> Motion:
         """Return the motion on the path that `headings` turn, with feet that do not slide."""
-        motion, root = self.motion, np.array([self.root])
-        frames = np.arange(motion.n_frames)
+        motion, is_same = self.motion, np.cumsum(headings != 0.0) == 0
         new = self.transforms(headings).apply(self.track)
-        new = new.relative_to_parent(motion, frames, self.root)
-        is_same = (np.cumsum(headings != 0.0) == 0)[:, None]
-        quats = np.where(is_same, motion.rotations[:, self.root], new.rotations)
-        places = np.where(is_same, motion.positions[:, self.root], new.positions)
-        bent = recombine(motion, [Part(root, quats[:, None], places[:, None])], motion.name)
+        bent = recombine(motion, [root_part(motion, self.root, new, is_same)], motion.name)
         # Feet are planted from shortly before the first bend.
         contacts, heights = detect_contacts(motion), foot_heights(motion)
         before = slice(max(int(is_same.sum() - _PLANTING_SECONDS * motion.rate), 0))

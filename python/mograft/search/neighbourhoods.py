@@ -105,15 +105,16 @@ def _ball_members(
     first = np.searchsorted(by_first[:, 0], points[base, 0] - reach, side="left")
     last = np.searchsorted(by_first[:, 0], points[base, 0] + reach, side="right")
     found: list[IntArray] = []
-    for low, high, point in zip(first.tolist(), last.tolist(), points[base], strict=True):
-        # A product of matrices is fast but rounded: distances near the radius are computed again.
-        gaps = squares[low:high] - 2.0 * (by_first[low:high] @ point) + point @ point
-        slack = _ROUNDING * squares[low:high].max()
-        near = np.flatnonzero(gaps <= limit + slack)
-        unsure = gaps[near] >= limit - slack
-        distances = np.linalg.norm(by_first[low:high][near[unsure]] - point, axis=1)
-        unsure[unsure] = distances > sigma
-        found.append(np.sort(order[low:high][near[~unsure]]))
+    with np.errstate(over="ignore", invalid="ignore"):  # points of a damaged library are far away
+        for low, high, point in zip(first.tolist(), last.tolist(), points[base], strict=True):
+            # A product of matrices is fast but rounded: distances near the radius are exact.
+            gaps = squares[low:high] - 2.0 * (by_first[low:high] @ point) + point @ point
+            slack = _ROUNDING * squares[low:high].max()
+            near = np.flatnonzero(gaps <= limit + slack)
+            unsure = gaps[near] >= limit - slack
+            distances = np.linalg.norm(by_first[low:high][near[unsure]] - point, axis=1)
+            unsure[unsure] = distances > sigma
+            found.append(np.sort(order[low:high][near[~unsure]]))
     return found
 
 

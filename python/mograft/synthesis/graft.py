@@ -20,7 +20,7 @@ from mograft.search.trellis import DonorSequences
 from mograft.solve.donor_repair import restrict_to_violations
 from mograft.solve.finish import find_kept_violations
 from mograft.solve.plan import GraftPlan, grafted_groups
-from mograft.solve.search_problem import check_frames
+from mograft.solve.search_problem import SearchProblem, check_frames
 from mograft.synthesis.graft_building import build_graft
 from mograft.synthesis.graft_result import Graft, GraftRequest
 from mograft.synthesis.newness import grafted_joints, mean_angle
@@ -302,8 +302,8 @@ def repair(
         donors = plan.repair(donors)
         request = replace(_request(plan, base, swap), method="repair")
         graft = build_graft(plan, donors, 0, 0, request)
-        best = graft if best is None else min(best, graft, key=_total_excess)
-        if _are_kept(best, plan) or _next_scale(library) > widest:
+        best = graft if best is None else min(best, graft, key=total_excess)
+        if not can_be_removed(best, plan.problem) or _next_scale(library) > widest:
             return best
         library = _widened(library)
 
@@ -349,16 +349,16 @@ def _widened(library: Library) -> Library:
     return library.relabelled(replace(library.config, sigma_scale=_next_scale(library)))
 
 
-def _are_kept(graft: Graft, plan: GraftPlan) -> bool:
-    """Return whether all violations of a graft are by joints that no donor moves."""
-    problem = plan.problem
-    groups = list(problem.pools)
-    kept = find_kept_violations(problem.library, problem.base, groups, problem.constraints)
+def can_be_removed(graft: Graft, problem: SearchProblem) -> bool:
+    """Return whether a graft has a violation by a joint that donors move."""
+    base, groups = problem.base, list(problem.pools)
+    kept = find_kept_violations(problem.library, base, groups, problem.constraints)
     known = {(own.frames, own.worst, own.joint) for own in kept}
-    return all((own.frames, own.worst, own.joint) in known for own in graft.violations)
+    return any((own.frames, own.worst, own.joint) not in known for own in graft.violations)
 
 
-def _total_excess(graft: Graft) -> float:
+def total_excess(graft: Graft) -> float:
+    """Return by how much a graft violates its constraints."""
     return sum(violation.error - 1.0 for violation in graft.violations)
 
 

@@ -83,17 +83,10 @@ def _substitutions(problem: SearchProblem, group: str, donors: IntArray) -> Iter
     pool, frames, clips = problem.pools[group], problem.base_segments, problem.library.entries
     origins = problem.library.segments[donors]
     gaps = [0.0, *pool.seam_angles_along(donors).tolist(), 0.0]
-    columns = (
-        frames.start,
-        frames.stop,
-        problem.scenario,
-        donors,
-        origins.start,
-        origins.stop,
-        frames.lengths / origins.lengths - 1.0,
-        pool.unary_costs(problem.scenario, donors, problem.cost_models[group]),
-    )
-    start, stop, segment, donor, *others = (column.tolist() for column in columns)
+    stretches = frames.lengths / origins.lengths - 1.0
+    costs = pool.unary_costs(problem.scenario, donors, problem.cost_models[group])
+    columns = frames.start, frames.stop, problem.scenario, donors, origins.start, origins.stop
+    start, stop, segment, donor, *others = (own.tolist() for own in (*columns, stretches, costs))
     names = [clips[clip].name for clip in origins.clip.tolist()]
     before = repeat(group), start, stop, segment, donor, names
     return map(Substitution, *before, *others, gaps[:-1], gaps[1:])
