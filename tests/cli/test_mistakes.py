@@ -56,7 +56,7 @@ MISTAKES = [
     ("graft --from a.bvh -o x", INVALID, "expected the JSON file that is written beside a new"),
     ("graft a.bvh -o x --face b", USAGE, "argument --face: expected a point X,Y,Z, got b"),
     ("graft a.bvh -o x --change legs@0-9", RUNTIME, "(the group 'lower' keeps its motion); got "),
-    ("graft a.bvh -o x --set seam", USAGE, "expected FIELD=VALUE, such as seam=offset, got seam"),
+    ("graft a.bvh -o x --set seam", USAGE, "offset, with a field of docs/settings.md, got seam"),
     ("graft a.bvh -o x --set segmentation=no.json", RUNTIME, "no.json: No such file or directory"),
     ("index b.bvh -o lib --add --set segmentation=energy", USAGE, "--set is fixed when"),
     ("graft lib -o x --set segmentation=energy", USAGE, "--set segmentation is fixed when"),
@@ -109,7 +109,7 @@ MISTAKES = [
     ("studio clips -o text", RUNTIME, "text is a file; expected a folder"),
     ("plot strip clips -o x.png", RUNTIME, "one motion, got 2: give one of clips/dance.bvh, "),
     ("plot energy lib -o x.png", RUNTIME, "got 2: give one by --clip of dance, walk"),
-    ("export clips -o x.bvh", USAGE, "only one motion, got 2: give one of clips/dance.bvh,"),
+    ("export clips -o x.bvh", USAGE, "got 2: write .glb or .mp4 or .gif, or give one of clips/"),
     ("export a.bvh -o x.npz --tracker mjlab", RUNTIME, "--tracker needs a robot, given by --model"),
     ("augment lib -o x -n 2 --seconds 100", RUNTIME, "--seconds must be at most 10, the longest "
      "span without faults of the base clips of all, got 100"),
@@ -128,7 +128,7 @@ MISTAKES = [
     ("graft a.bvh -o x --ban head:3", RUNTIME, "--groups lower_torso_head_larm_rarm, of files or"),
     ("groups a.bvh --preset arms", USAGE, "arms is no preset: use lower_torso_arms"),
     ("graft a.bvh -o x --outputs 3", USAGE, "did you mean '-n', the number of motions?"),
-    ("curate lib -n 3", USAGE, "unexpected words -n 3; mograft curate --help-all lists all"),
+    ("curate lib -n 3", USAGE, "unexpected words -n 3; did you mean '--keep', how much"),
     ("augment lib -o x -n 2 --split 50", RUNTIME, "--split must be a CSV file of clips and parts"),
     ("graft a.bvh -o x --reach 30:LeftHand:@sword+0,0,0", RUNTIME, "no joint or body part is named "
      "'sword', but Hips, LeftUpLeg, LeftLeg, "),

@@ -224,8 +224,8 @@ def run_export(options: ExportOptions) -> int:
         raise UsageError(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
     if len(sources) > 1 and ending not in _ENDINGS_OF_SEVERAL:
         raise UsageError(
-            f"-o {target.name} can contain only one motion, got {len(sources)}: give one of "
-            f"{files.shell_names(sources)}"
+            f"-o {target.name} can contain only one motion, got {len(sources)}: write "
+            f"{' or '.join(_ENDINGS_OF_SEVERAL)}, or give one of {files.shell_names(sources)}"
         )
     configuration.refuse_useless_options(options, _ENDINGS_OF_OPTION, ending)
     files.check_writable([target], force=options.force, inputs=sources)

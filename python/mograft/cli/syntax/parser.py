@@ -204,7 +204,10 @@ def parse(
     command: Command = found["command"]
     parser: argparse.ArgumentParser = found["parser"]
     if unknown:
-        parser.error(f"unexpected words {' '.join(unknown)}; {parser.prog} --help-all lists all")
+        hint = f"; {parser.prog} --help-all lists all"
+        if unknown[0] == "-n" and hasattr(known, "keep"):
+            hint = "; did you mean '--keep', how much is kept?"
+        parser.error(f"unexpected words {' '.join(unknown)}{hint}")
     try:
         settings = find_settings(command, commands)
     except (OSError, ValueError) as error:

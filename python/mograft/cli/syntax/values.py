@@ -192,7 +192,7 @@ def names(text: str) -> tuple[str, ...]:
     return tuple(text.split(","))
 
 
-@parser("expected FIELD=VALUE, such as seam=offset")
+@parser("expected FIELD=VALUE, such as seam=offset, with a field of docs/settings.md")
 def assignment(text: str) -> tuple[str, str]:
     """Parse ``NAME=VALUE`` into the name and the text of the value."""
     name, _, value = text.partition("=")
