@@ -32,7 +32,7 @@ def smallest_angles(frames, poses):
 @given(
     seed=st.integers(0, 100),
     kind=st.sampled_from(["same", "mirrored", "piece"]),
-    source=st.integers(1, 5),
+    source=st.sampled_from([1, 3, 5]),  # the other two share a segment with each other
 )
 def test_no_frame_of_other_parts_occurs(takes, seed, kind, source):
     test = takes[0]
@@ -45,9 +45,8 @@ def test_no_frame_of_other_parts_occurs(takes, seed, kind, source):
     library = mg.Library.build([*takes, copy], rate=test.rate)
     parts = dict.fromkeys(library.names, "train")
     parts |= {test.name: "test", "copy": "test"}
-    windows = datasets.augment(
-        library, seconds=2.0, split=parts, seed=seed, variants=1, min_new=0.0
-    )
+    windows = datasets.augment(library, seconds=2.0, split=parts, seed=seed, min_new=0.0)
+    windows = replace(windows, variants=1)
     assert windows.part.shared == (takes[source].name,)
     held_out = np.concatenate([test.rotations, takes[source].rotations])
     held_out = np.concatenate(
@@ -152,9 +151,8 @@ def test_grafts_are_made_once_in_any_order(stored, takes, monkeypatch, has_few):
 
 
 def test_windows_are_parts_of_grafts(stored):
-    windows = datasets.augment(
-        stored, seconds=2.0, features=list(datasets.FEATURES)[:-1], variants=2
-    )
+    windows = datasets.augment(stored, seconds=2.0, features=list(datasets.FEATURES)[:-1])
+    windows = replace(windows, variants=2)
     n_parts = 0
     for job in range(3):
         for window in windows.run_job(job).windows:
@@ -237,7 +235,6 @@ def test_windows_exclude_faults(takes):
         ({"stride": 0.01}, "`stride` must be at least one frame, got 0.01"),
         ({"stride": float("nan")}, "`stride`"),
         ({"min_new": 2.0}, "`min_new`"),
-        ({"variants": 0}, "`variants`"),
         ({"bases": "none*"}, "`bases` must match"),
         ({"features": ["rotation"]}, "did you mean 'rotations'"),
         ({"features": []}, "`features` must name"),

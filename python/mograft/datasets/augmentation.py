@@ -100,10 +100,12 @@ class Augmentation(LazySequence[dict[str, Array]]):
         The base clips, in the order in which they are used.
     starts : tuple of ndarray of int
         For each base the first frames of its windows.
-    seed, variants, epoch : int
+    seed, epoch : int
         As for `augment` and `with_epoch`.
     min_new : float
         Smallest share of new frames.
+    variants : int
+        Number of grafts that are made of a base before the next base.
     """
 
     library: Library
@@ -114,9 +116,9 @@ class Augmentation(LazySequence[dict[str, Array]]):
     bases: IntArray
     starts: tuple[IntArray, ...]
     seed: int
-    variants: int
     min_new: float
     epoch: int = 0
+    variants: int = 4
     _draws: dict[Any, _Draw] = field(default_factory=dict, init=False, repr=False)
     _plans: dict[int, GraftPlan] = field(default_factory=dict, init=False, repr=False)
 
@@ -273,7 +275,6 @@ def augment(
     bases: str | Sequence[str] = "*",
     features: Sequence[str] = DEFAULT_FEATURES,
     seed: int = 0,
-    variants: int = 4,
     min_new: float = 0.5,
 ) -> Augmentation:
     """Return windows of grafts as a sequence, from which models are trained.
@@ -302,8 +303,6 @@ def augment(
         The arrays of a window: see `mograft.datasets.FEATURES`.
     seed : int
         Seed of automatic splits, of the order of bases and of the choice of donors.
-    variants : int
-        Number of grafts that are made of a base before the next base.
     min_new : float
         Smallest share of the frames of a window in which an exchanged joint differs by more than 5
         degrees from the base.
@@ -335,7 +334,7 @@ def augment(
     if not 0 <= float(min_new) <= 1:
         raise ValueError(f"`min_new` must be a share of frames, 0 to 1, got {min_new}")
     names = check_features(features, library)
-    seed, variants = as_integer("seed", seed), as_integer("variants", variants, 1)
+    seed = as_integer("seed", seed)
     chosen = select_part(library, split, part, seed)
     n_frames, step = round(seconds * library.rate), round(stride * library.rate)
     wanted = find_matches("bases", bases, library.names)
@@ -364,7 +363,6 @@ def augment(
         bases=np.array(order),
         starts=tuple(np.array(starts[clip]) for clip in order),
         seed=seed,
-        variants=variants,
         min_new=float(min_new),
     )
 

@@ -43,7 +43,7 @@ def run_augment(options: AugmentOptions) -> int:
     library = configuration.load_library(options)
     if options.jobs > 1 and library.folder is None:
         raise UsageError("--jobs requires a library in a folder, which mograft index makes")
-    names = ("seconds", "stride", "split", "part", "variants", "min_new")
+    names = ("seconds", "stride", "split", "part", "min_new")
     given = {name: getattr(options, name) for name in names} | {"seed": options.seed or 0}
     given["part"] = options.part or "train"
     features = options.features or DEFAULT_FEATURES

@@ -46,9 +46,6 @@ class AugmentOptions(options.SeedOptions, options.LibraryOptions, section="outpu
     format: Literal["npz", "parquet", "bvh", "glb"] = setting(
         "format of the files (default: npz); parquet needs mograft[parquet]", default="npz"
     )
-    variants: values.Count = setting(
-        "grafts of a base before the next base (default: 4)", default=4, is_expert=True
-    )
     min_new: values.Share = setting(
         "smallest share of frames of a window that differ from the base (default: 0.5)",
         default=0.5,
