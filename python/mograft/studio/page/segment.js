@@ -114,8 +114,7 @@ function ask(isForced = false, wanted = LIMIT) {
   const { group, first, last } = focus;
   const key = JSON.stringify([motion.id, motion.hash, motion.locks, group, first, last, store.project.library?.segments]);
   if (key === listed && !isForced) return;
-  listed = key;
-  limit = wanted;
+  [listed, limit] = [key, wanted];
   clearTimeout(timer);
   parts.donorRows.setAttribute("aria-busy", true); // What is listed belongs to another selection.
   const number = ++asked;
@@ -135,14 +134,11 @@ function ask(isForced = false, wanted = LIMIT) {
 }
 
 function writeDonors({ donors, total }, focus, lock) {
-  const [rows, active] = [[...parts.donorRows.children], document.activeElement];
-  const number = rows.findIndex((own) => own.contains(active));
-  const place = [...(rows[number]?.querySelectorAll("button") ?? [])].indexOf(active);
+  const place = [...parts.donorRows.querySelectorAll("button")].indexOf(document.activeElement); // Two in a row.
   parts.donorRows.replaceChildren(...donors.map((own) => donorRow(own, focus, lock)));
   parts.donorRows.removeAttribute("aria-busy");
-  // The button that had the focus keeps it, or the one beside it where it can not be pressed.
-  const buttons = parts.donorRows.children[Math.min(number, donors.length - 1)]?.querySelectorAll("button");
-  for (const own of [0, place]) buttons?.[own]?.focus();
+  const row = parts.donorRows.children[Math.min(place >> 1, donors.length - 1)];
+  for (const own of [0, place & 1]) row?.querySelectorAll("button")[own]?.focus(); // The first if the other is disabled.
   const allowed = donors.filter(({ refused }) => !refused).length;
   const what = lock ? "Locked: unlock to change." : "Point at one to see it on the figure; Use exchanges it.";
   parts.donorCount.textContent = `${allowed} of ${total} can be used. ${what}`;
