@@ -222,6 +222,8 @@ def write_tables(results, facts, folder):
         for title, own in results.get(study.NAME, {}).items():
             if "value" in own:
                 write_csv(Table(**own["value"]), folder / f"{study.NAME}-{title}.csv")
+            else:
+                refusals.append((study.NAME, title, own["refused"]))
     write_code(results, folder)
     sources = [
         (name, SOURCES[name].use, SOURCES[name].description, *own) for name, own in facts.items()

@@ -229,6 +229,25 @@ def test_study_tiny_run_completes_without_output(name, capsys):
     assert capsys.readouterr().out == ""
 
 
+def test_without_a_section_studies_are_measured_once_and_continued(tmp_path, capsys):
+    words = ["--only", "pairs", "--quick", "--processes", "1", "--data", str(tmp_path)]
+    words += ["--cache", str(tmp_path / "cache"), "-o"]
+    tables_of = []
+    for name, is_measured in (("first", True), ("second", False)):
+        assert not main([*words, str(tmp_path / name)])
+        assert ("pairs, power" in capsys.readouterr().err) == is_measured
+        tables_of.append(tables.read_csv(tmp_path / name / "pairs-power.csv"))
+        (row,) = tables.read_csv(tmp_path / name / "code.csv")
+        assert (row["experiment"], len(row["code"])) == ("pairs", 12)
+    assert tables_of[0] == tables_of[1]
+
+
+def test_refused_study_is_listed_with_the_reason(tmp_path):
+    results = {"pairs": {"power": {"refused": "too few"}}}
+    assert run.write_tables(results, {}, tmp_path) == [("pairs", "power", "too few")]
+    assert not (tmp_path / "pairs-power.csv").exists()
+
+
 def test_unknown_section_is_refused_with_the_known_ones():
     assert "seams" in main(["nothing"])
 

@@ -16,7 +16,9 @@ from mograft.motion.motion import Motion
 _MAX_DIFFERENCE = 0.15
 """Difference between the ends of a cycle, at most, as a share of the largest within it.
 
-It is 0.02 to 0.08 for the walks in `bandai_ds1` and `bandai_ds2`, and 0.24 for the dance there."""
+Chosen on the walks (0.02 to 0.08) and the dance (0.24) in `bandai_ds1` and `bandai_ds2`. On others,
+40 s each: all three walks in `skel_snu_wd2` and four Indian dances have a cycle, one of three clips
+of a pair that dances."""
 _MIN_EXTENT = 0.005  # skeleton heights; smaller differences within a cycle are noise
 _VELOCITY_SECONDS = 0.1  # that multiply differences of velocities, as in transition costs
 _MIN_SECONDS, _MAX_SECONDS = 0.3, 10.0  # of a cycle, unless its duration is given
