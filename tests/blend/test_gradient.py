@@ -26,7 +26,8 @@ def terms(layout, space, tracks):
     """Donors' values, velocities and accelerations, frame by frame, in plain loops.
 
     Lists of (frames, coefficients, target) for values, velocities and accelerations; a frame that
-    two donors share has two values of half weight.
+    two donors share has two values of half weight. Beside a seam, half of the difference of the
+    accelerations there is added or subtracted, less with each frame.
     """
     cut, donors = layout.timeline.cut, layout.timeline.donors
     track = tracks[0]
@@ -52,6 +53,14 @@ def terms(layout, space, tracks):
             accelerations.setdefault(int(frame), []).append(
                 (three[1] - three[0]) * (own / length) ** 2
             )
+    for k in np.flatnonzero(layout.seams).tolist():
+        seam = int(cut.stop[k])
+        half = 0.5 * np.subtract(*accelerations[seam][::-1])
+        for length, side in ((int(cut.lengths[k]), -1), (int(cut.lengths[k + 1]), 1)):
+            reach = min(TAU, length)
+            for f in range(1, length):
+                if f < reach:
+                    accelerations[seam + side * f][0] -= side * (1.0 - f / reach) * half
     return values, velocities, accelerations
 
 

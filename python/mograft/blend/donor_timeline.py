@@ -146,8 +146,8 @@ class DonorTimeline:
             velocities *= speed[:, None, None]
             sides.append(states)
         (before, velocity_before, ending), (after, velocity_after, starting) = sides
-        mean = 0.5 * (ending + starting)
-        return SeamBoundaries(space, before, after, velocity_before, velocity_after, mean)
+        both = np.stack([ending, starting])
+        return SeamBoundaries(space, before, after, velocity_before, velocity_after, both)
 
     def _warped_accelerations(
         self, space: ValueSpace, tracks: Sequence[FloatArray], segments: IntArray, first: IntArray

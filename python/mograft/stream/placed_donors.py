@@ -144,28 +144,28 @@ class SampledDonors:
         # The starting point of the solution is continuous.
         parts = [placed.frames, following.place(placed, config)[0, 1:-2]]
         rows = [self.frames[0], following.frames[0]]
+        ending, starting = [self.end_acceleration[0]], [following.start_acceleration[0]]
         n_before = 0
         if previous is not None:
             n_before = 1
             parts.insert(0, previous.frames[-2:-1])
-            # The kernel takes the acceleration in the first frame from the steps beside it.
-            acceleration = 0.5 * (previous.end_acceleration + self.start_acceleration[0])
-            step_before = ROTATIONS.delta(*rows[0][:2]) - acceleration
-            rows.insert(0, np.stack([ROTATIONS.add(rows[0][0], -step_before), rows[0][0]]))
+            rows.insert(0, rows[0][[0, 0]])  # a step between fixed frames, which has no effect
+            ending.insert(0, previous.end_acceleration)
+            starting.insert(0, self.start_acceleration[0])
         stops = np.cumsum([len(own) - 1 for own in rows])
-        acceleration = 0.5 * (self.end_acceleration + following.start_acceleration)
         smooth = fit_donors(
             np.concatenate(parts),
             (
                 np.append(0, stops[:-1]),
                 stops,
                 np.concatenate(rows),
-                np.array([n_before]),
-                acceleration,
+                np.arange(n_before + 1),
+                np.stack([ending, starting]),
             ),
             self.rate,
-            # The first frame of the segment is the nearest one that does not change.
+            # The next seam may change all frames of the segment but the first.
             float(len(self.frames[0]) - 2),
+            n_fixed=1 + n_before,
         )
         stop = int(stops[n_before])
         steps = ROTATIONS.delta(smooth[stop - 1 : stop + 1], smooth[stop : stop + 2])
