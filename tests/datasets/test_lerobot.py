@@ -1,12 +1,14 @@
 """Data sets of LeRobot v3.0 hold the windows of the other formats, and state where they are."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from mograft import datasets
-from mograft.datasets import lerobot, shards, writing
+from mograft.datasets import shards, writing
+from mograft.io import lerobot
 
 parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
 
@@ -120,6 +122,14 @@ def test_interrupted_call_is_continued_with_the_same_bytes(
     )
     for path in expected:
         assert (tmp_path / "set" / path).read_bytes() == (folder / "lerobot" / path).read_bytes()
+
+
+def test_set_without_windows_is_whole(stored, tmp_path):
+    windows = replace(datasets.augment(stored), min_new=2.0)
+    manifest = datasets.write(windows, tmp_path / "set", 3, format="lerobot")
+    assert manifest["report"]["windows"] == 0
+    info = json.loads((tmp_path / "set/meta/info.json").read_text())
+    assert info["total_frames"] == info["total_episodes"] == 0
 
 
 def test_features_of_another_rate_are_refused(tmp_path, stored):

@@ -13,9 +13,9 @@ import numpy as np
 from mograft._util.atomic import write_bytes
 from mograft._util.names import portable_stem
 from mograft.datasets.augmentation import Encode, Window
-from mograft.datasets.lerobot import episode_files, meta_files, to_parquet
 from mograft.io.bvh.writer import write_bvh
 from mograft.io.glb import write_glb
+from mograft.io.lerobot import episode_file, meta_files, to_parquet
 from mograft.motion.motion import Motion
 
 SHARD_SIZE = 64
@@ -50,6 +50,25 @@ def _parquet_files(number: int, first: int, windows: Sequence[Window], _rate: fl
     return [(f"shard-{number:05d}.parquet", to_parquet(columns))]
 
 
+def _lerobot_files(number: int, first: int, windows: Sequence[Window], rate: float) -> Files:
+    """Return the data of LeRobot: a state has all features, one after the other."""
+    states = [
+        np.concatenate([row.reshape(len(row), -1) for row in own.features.values()], axis=1)
+        for own in windows
+    ]
+    return [episode_file(np.stack(states).astype(np.float32), number, first, rate)]
+
+
+def _lerobot_meta(folder: Path, document: dict[str, Any]) -> Files:
+    names = [
+        ".".join(map(str, (name, *index)))
+        for name, own in document["features"].items()
+        for index in np.ndindex(*own["shape"][1:])
+    ]
+    counts, request = [shard["windows"] for shard in document["shards"]], document["request"]
+    return meta_files(folder, counts, request["frames"], request["rate"], names)
+
+
 def _motion_files(
     number: int, first: int, windows: Sequence[Window], _rate: float, *, suffix: str
 ) -> Files:
@@ -71,7 +90,7 @@ def _encode(motion: Motion, *, suffix: str) -> bytes:
 FORMATS = {
     "npz": ShardFormat(_npz_files),
     "parquet": ShardFormat(_parquet_files),
-    "lerobot": ShardFormat(episode_files, meta=meta_files),
+    "lerobot": ShardFormat(_lerobot_files, meta=_lerobot_meta),
     **{
         name: ShardFormat(
             partial(_motion_files, suffix=f".{name}"), partial(_encode, suffix=f".{name}")

@@ -1,4 +1,4 @@
-"""Files of LeRobot v3.0: an episode for each window, whose actions are the next states."""
+"""Files of LeRobot v3.0, from arrays; the action of a frame is the state of the next one."""
 
 import io
 import json
@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from mograft._util.arrays import FloatArray
 from mograft._util.extras import import_extra
-from mograft.datasets.augmentation import Window
-from mograft.datasets.features import Array
+
+Array = npt.NDArray[Any]
 
 _TASK = "graft"
 _CHUNK = 1000  # files in a folder
@@ -41,42 +42,41 @@ def to_parquet(columns: dict[str, Any], index: str | None = None) -> bytes:
     return buffer.getvalue()
 
 
-def episode_files(
-    number: int, first: int, windows: Sequence[Window], rate: float
-) -> list[tuple[str, bytes]]:
-    """Return the data of a shard; the last frame of a window is only an action."""
-    parts = [own.features.values() for own in windows]
-    states = np.stack([np.concatenate([*map(_rows, own)], axis=1) for own in parts])
+def episode_file(states: Array, number: int, first: int, rate: float) -> tuple[str, bytes]:
+    """Return file `number` of the data: its path, and its contents.
+
+    `states`, shape (n_episodes, n_frames, n_values), are those of the episodes from `first` on,
+    which have the same number of frames at `rate` per second. The last frame is only an action.
+    """
     n, length = len(states), states.shape[1] - 1
     episode, frame = np.divmod(np.arange(n * length), length)
     columns = [own.reshape(n * length, -1) for own in (states[:, :-1], states[:, 1:])]
     columns += [(frame / rate).astype(np.float32), frame, first + episode]
     columns += [first * length + np.arange(n * length), np.zeros(n * length, np.int64)]
     names = _STATES + _COUNTERS
-    return [(_data_path(number), to_parquet(dict(zip(names, columns, strict=True))))]
+    return _data_path(number), to_parquet(dict(zip(names, columns, strict=True)))
 
 
-def meta_files(folder: Path, document: dict[str, Any]) -> list[tuple[str, bytes]]:
-    """Return the files that describe the episodes of a folder, given its manifest."""
-    counts = [shard["windows"] for shard in document["shards"]]
-    n, rate = sum(counts), round(document["request"]["rate"], 3)
-    length = document["request"]["frames"] - 1
-    names = [
-        ".".join(map(str, (name, *index)))
-        for name, own in document["features"].items()
-        for index in np.ndindex(*own["shape"][1:])
-    ]
-    state: dict[str, Any] = {"dtype": "float32", "shape": [len(names)], "names": names}
+def meta_files(
+    folder: Path, counts: Sequence[int], n_frames: int, rate: float, names: Sequence[str]
+) -> list[tuple[str, bytes]]:
+    """Return the paths and contents of the files that describe a data set in a folder.
+
+    `counts` has the number of episodes in each file of the data, `names` those of the values.
+    """
+    n, length, rate = sum(counts), n_frames - 1, round(rate, 3)
+    state: dict[str, Any] = {"dtype": "float32", "shape": [len(names)], "names": list(names)}
     features = dict.fromkeys(_STATES, state)
     for name in _COUNTERS:
         kind = "float32" if name == "timestamp" else "int64"
         features[name] = {"dtype": kind, "shape": [1], "names": None}
-    info = {"codebase_version": "v3.0", "robot_type": None, "total_episodes": n}
+    info: dict[str, Any] = {"codebase_version": "v3.0", "robot_type": None, "total_episodes": n}
     info |= {"total_frames": n * length, "total_tasks": 1, "chunks_size": _CHUNK}
     info |= {"data_files_size_in_mb": 100, "video_files_size_in_mb": 200}
     info |= {"fps": int(rate) if rate.is_integer() else rate, "splits": {"train": f"0:{n}"}}
     info |= {"data_path": f"data/{_PATH}", "video_path": None, "features": features}
-    shard, starts = np.repeat(np.arange(len(counts)), counts), np.arange(n) * length
+    starts = np.arange(n) * length
+    shard = np.repeat(np.arange(len(counts)), np.array(counts, np.int64))
     episodes: dict[str, Any] = {"episode_index": np.arange(n), "tasks": [[_TASK]] * n}
     episodes |= {"length": np.full(n, length), "dataset_from_index": starts}
     episodes |= {"dataset_to_index": starts + length, "data/chunk_index": shard // _CHUNK}
@@ -95,10 +95,6 @@ def meta_files(folder: Path, document: dict[str, Any]) -> list[tuple[str, bytes]
 def _data_path(number: int) -> str:
     chunk, file = divmod(number, _CHUNK)
     return "data/" + _PATH.format(chunk_index=chunk, file_index=file)
-
-
-def _rows(own: Array) -> Array:
-    return own.reshape(len(own), -1).astype(np.float32)
 
 
 def _statistics(paths: Iterable[Path]) -> dict[str, dict[str, list[float]]]:
