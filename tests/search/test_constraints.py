@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import mograft as mg
 import mograft.constraints as mc
+from mograft._util.names import unique_names
 from mograft.dancer import dance
 from mograft.search.constraints import find_violations, overlaps
 from mograft.search.donor_choice import cost_model
@@ -278,6 +279,29 @@ def test_only_from_selects_clips_by_name_or_tag(tags, wanted_tags, wanted_clips)
     assert_array_equal(excluding > 1, is_selected)
     including = mc.OnlyFrom(names, tags=wanted_tags).donor_errors(captured, donors, clips)
     assert_array_equal(including > 1, np.logical_not(is_selected))
+
+
+@given(st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 2)), min_size=1), st.data())
+def test_clips_of_copies_of_a_file_are_selected_together(given_files, data):
+    """Files of a name and content are one; their mirror images are others."""
+    names = unique_names([name for name, _ in given_files])
+    files = [SimpleNamespace(sha256=f"{content}", clip=None) for _, content in given_files]
+    clips = [
+        SimpleNamespace(name=f"{name}{end}", tags=(), source_file=file)
+        for end in ("", "_mirrored")
+        for name, file in zip(names, files, strict=True)
+    ]
+    n, which = len(clips), data.draw(st.integers(0, len(clips) - 1))
+    same = [own == given_files[which % len(names)] for own in given_files]
+    is_image = np.arange(n) >= len(names)
+    expected = np.tile(same, 2) & (is_image == is_image[which])
+    captured = mg.Segments([0] * n, [9] * n, [n] * n)
+    donors = mg.Segments([5] * n, [9] * n, range(n))
+    for constraint, is_excluded in (
+        (mc.NotFrom(clips[which].name), expected),
+        (mc.OnlyFrom([clips[which].name]), ~expected),
+    ):
+        assert_array_equal(constraint.donor_errors(captured, donors, clips) > 1, is_excluded)
 
 
 @pytest.mark.parametrize("kind", [mc.OnlyFrom, mc.NotFrom])
