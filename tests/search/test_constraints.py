@@ -1,6 +1,7 @@
 """Properties of constraints: their errors, the grafts that satisfy them, and violations."""
 
 import pickle
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -21,7 +22,7 @@ from mograft.solve.assembly import assemble, donor_excess, donor_excesses
 from mograft.solve.donor_repair import repair_donors
 from mograft.solve.donor_trellis import build_trellis, candidate_poses
 from mograft.solve.finish import find_donor_violations
-from mograft.solve.search_problem import SearchProblem
+from mograft.solve.search_problem import SearchProblem, resolve_segments
 from tests.oracles.capsules import capsule_distances
 from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, vectors
 
@@ -353,6 +354,53 @@ def test_only_from_frames_of_one_segment_restricts_it_alone(library, seed):
     is_candidate = donor in free[position]
     found = find_donor_violations(problem, problem.captured_donors)
     assert [violation.frames for violation in found] == ([] if is_candidate else [frames])
+
+
+@given(st.data())
+def test_message_about_a_wrong_segment_names_the_one_with_most_of_the_frames(library, data):
+    """The frames that it suggests are accepted."""
+    clip = data.draw(st.integers(0, 1))
+    own = library.segments[library.segments.of_clip(clip)]
+    last = int(own.stop[-1])
+    first = data.draw(st.integers(0, last + 9))
+    frames = first, first + data.draw(st.integers(0, 40))
+    assume(not ((own.start == frames[0]) & (own.stop == frames[1])).any())
+    name = library.names[clip]
+    cut = library.segments[library.segments.of_clip(0)]
+    with pytest.raises(ValueError, match=r"did you mean \d+-\d+\?$") as caught:
+        resolve_segments([mc.Use(0, (name, *frames))], ["upper"], cut, library)
+    number, start, stop = map(
+        int, re.search(r"in segment (\d+), frames (\d+)-(\d+);", str(caught.value)).groups()
+    )
+    assert (own.start[number], own.stop[number]) == (start, stop)
+    # Frame by frame; the frame that two segments share belongs to the later one.
+    numbers = np.searchsorted(own.start, np.arange(frames[0], frames[1] + 1), "right") - 1
+    numbers = numbers[np.arange(frames[0], frames[1] + 1) <= last]
+    if first > last:
+        assert f"the last frame is {last}" in str(caught.value)
+        assert number == len(own) - 1
+    elif first < last:
+        counts = np.bincount(np.minimum(numbers, len(own) - 1), minlength=len(own))
+        assert counts[number] == counts.max()
+    resolve_segments([mc.Use(0, (name, start, stop))], ["upper"], cut, library)
+
+
+@given(st.integers(0, 400))
+def test_message_about_a_segment_beyond_the_last_maps_it_as_a_frame(library, beyond):
+    cut = library.segments[library.segments.of_clip(0)]
+    number = len(cut) + beyond
+    with pytest.raises(ValueError, match=f"0 to {len(cut) - 1}, got {number}; ") as caught:
+        resolve_segments([mc.Use(number, ("second", 0, 9))], ["upper"], cut, library)
+    holder = int(re.search(r"did you mean (\d+)\?$", str(caught.value))[1])
+    last = int(cut.stop[-1])
+    expected = (
+        int(np.searchsorted(cut.start, number, "right")) - 1 if number < last else len(cut) - 1
+    )
+    assert holder == expected
+    where = f"frame {number} is in" if number <= last else f"the last frame is {last}, in"
+    assert f"{where} segment {holder}, frames {cut.start[holder]}-{cut.stop[holder]}" in str(
+        caught.value
+    )
 
 
 def test_only_from_without_candidate_is_violation(library):
