@@ -1,6 +1,6 @@
 """Donor spans: parts of clips, between any two frames, that replace a range of a motion."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -9,6 +9,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.cancel import check_cancelled
 from mograft.blend.foot_planting import plant_feet
+from mograft.blend.loop_join import close_join
 from mograft.blend.recombine import recombine, splice
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.body.anatomy import feature_joints
@@ -31,6 +32,9 @@ _N_LENGTHS = 7  # lengths that are tried, from the shortest to the longest
 MAX_RATIO = 3.0
 """The greatest ratio of the lengths of a span and the range that it replaces."""
 
+DISTINCT_ANGLE = np.radians(15.0)
+"""Spans that differ from the present part by less, in the mean of all joints, come last."""
+
 
 @dataclass(frozen=True)
 class DonorSpan:
@@ -40,6 +44,7 @@ class DonorSpan:
     start: int
     stop: int
     cost: float = 0.0
+    is_held: bool = False  # whether it holds to the ends of a loop, which are not closed
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,26 +85,30 @@ def find_donor_spans(
     part: ChangedPart,
     frames: Span,
     within: Sequence[int] | None = None,
+    present: Collection[int] = (),
 ) -> Iterator[DonorSpan]:
     """Yield the spans that can replace a part in a range of frames of a motion, cheapest first.
 
     `within` has the indices of the clips that may donate. By default all clips donate, and spans
     in which the part moves as in the motion or its base, spans around the range itself, and those
-    with seams wider than `Config.max_angle` are left out. The
-    cost is that of `CostModel`, with the seams at the ends of the range, the mean angle of the base
-    part instead of distances in the embedding, and the pose difference to the range. Spans of
-    one clip that overlap by more than half are one: the cheapest. Spans are as long as the range
-    up to `Config.max_stretch`; a clip that is shorter is taken as a whole.
+    with seams wider than `Config.max_angle` are left out. Then spans that differ from the motion
+    by `DISTINCT_ANGLE` come before others, and of both, those of clips that are not in `present`
+    come first. The cost is that of `CostModel`, with the seams at the ends of the range, the mean
+    angle of the base part instead of distances in the embedding, and the pose difference to the
+    range. Spans of one clip that overlap by more than half are one: the cheapest. Spans are as long
+    as the range up to `Config.max_stretch`; a clip that is shorter is taken as a whole.
     """
     range_ = _Range(problem, motion, part, frames)
-    found = []
+    found = list[tuple[bool, bool, DonorSpan]]()
     for clip in within or range(len(problem.library.clips)):
         check_cancelled()
-        starts, stops, costs = range_.compare(clip, accept_same=within is not None)
+        starts, stops, costs, is_near = range_.compare(clip, accept_same=within is not None)
         for index in _pick(starts, stops, costs):
             ends = int(starts[index]), int(stops[index])
-            found.append(DonorSpan(clip, *ends, float(costs[index])))
-    yield from sorted(found, key=lambda own: (own.cost, own.clip, own.start))
+            span = DonorSpan(clip, *ends, float(costs[index]), is_held=within is not None)
+            found.append((within is None and bool(is_near[index]), clip in present, span))
+    found.sort(key=lambda own: (*own[:2], own[2].cost, own[2].clip, own[2].start))
+    yield from (span for *_, span in found)
 
 
 def _pick(starts: IntArray, stops: IntArray, costs: FloatArray) -> Iterator[int]:
@@ -132,9 +141,12 @@ class _Range:
         ends = [max(frames[0] - 1, 0), min(frames[1], motion.n_frames - 2)]
         self.speeds = _speeds(motion, self.joints)[ends]
 
-    def compare(self, clip: int, *, accept_same: bool) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return first frames, last frames and costs of the spans of a clip, each (n_spans,).
+    def compare(
+        self, clip: int, *, accept_same: bool
+    ) -> tuple[IntArray, IntArray, FloatArray, BoolArray]:
+        """Return first and last frames and costs of the spans of a clip, each (n_spans,).
 
+        The last array is true where a span differs by less than `DISTINCT_ANGLE` from the motion.
         The cost is infinite where constraints or faults exclude a span.
         """
         motion = self.problem.library.clips[clip]
@@ -148,17 +160,18 @@ class _Range:
         ]
         starts, stops = np.concatenate([np.zeros((0, 2), np.int64), *spans]).T
         if not len(starts):
-            return starts, stops, np.zeros(0)
-        costs = self._costs(motion, starts, stops, accept_same=accept_same)
+            return starts, stops, np.zeros(0), np.zeros(0, bool)
+        costs, differences = self._costs(motion, starts, stops, accept_same=accept_same)
         costs[self._is_excluded(clip, starts, stops)] = np.inf
         if not accept_same and motion.name == self.problem.base.name:
             shared = np.minimum(stops, self.frames[1]) - np.maximum(starts, self.frames[0])
             costs[shared * 2 > self.n] = np.inf
-        return starts, stops, costs
+        return starts, stops, costs, differences < DISTINCT_ANGLE
 
     def _costs(
         self, motion: Motion, starts: IntArray, stops: IntArray, *, accept_same: bool
-    ) -> FloatArray:
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the costs of spans and their mean angles to the motion, each (n_spans,)."""
         model = self.problem.cost_models[self.group]
         poses = motion.rotations[:, self.joints]
         gaps, captured_gaps = (pose_gaps(own, poses) for own in self.parts)
@@ -181,7 +194,7 @@ class _Range:
             is_known = captured_gaps[rows, frames].mean(axis=0) < COPY_ANGLE
             is_known |= differences < COPY_ANGLE
             costs[is_known | (costs >= INFEASIBLE_PENALTY)] = np.inf
-        return costs
+        return costs, differences
 
     def _is_excluded(self, clip: int, starts: IntArray, stops: IntArray) -> BoolArray:
         """Return which spans contain a recording fault, or violate a constraint on donors."""
@@ -216,8 +229,10 @@ def insert_span(
 
     The span is stretched to the length of the range. The seams at both ends are closed within the
     range: in `Config.seam_blend` seconds, or a quarter of the range if that is shorter. An eighth
-    is enough if the captured part is put back. All other frames are those of `motion`, bit for bit,
-    except for a root that the part contains; see `splice`.
+    is enough if the captured part is put back. At the ends of the motion there is no seam; in a
+    loop, only if the span holds to them or the range is the whole loop, which is then closed. All
+    other frames are those of `motion`, bit for bit, except for a root that the part contains; see
+    `splice`.
     """
     library, last, rate = problem.library, motion.n_frames - 1, motion.rate
     (first, stop), n = frames, frames[1] - frames[0]
@@ -226,10 +241,13 @@ def insert_span(
     )
     blend = min(problem.config.seam_blend, n / (8.0 if is_captured else 4.0) / rate)
     config = replace(problem.config, seam_blend=blend)
-    # The seam is as far inside as it changes frames; at the ends of the motion there is none.
+    # The seam is as far inside as it changes frames.
     inset = min(int(np.ceil(blend * rate)), (n - 1) // 2)
-    begin = first if first == 0 and not problem.is_loop else first + inset
-    end = stop if stop == last and not problem.is_loop else stop - inset
+    is_whole = frames == (0, last)
+    is_closed = problem.is_loop and (not span.is_held or problem.config.loop == "on")
+    has_seams = is_closed and not is_whole
+    begin = first if first == 0 and not has_seams else first + inset
+    end = stop if stop == last and not has_seams else stop - inset
     ratio = (span.stop - span.start) / n
     taken = [span.start + round((frame - first) * ratio) for frame in (begin, end)]
     bounds = sorted({0, begin, end, last})
@@ -242,6 +260,7 @@ def insert_span(
     )
     clip = library.clips[span.clip]
     made = transplant(motion, cut, donors, [motion, clip], part.spec, config)
+    made = close_join(made, rate, blend) if is_closed and is_whole else made
     new = recombine(motion, [made], motion.name)
     at = np.arange(motion.n_frames)
     is_inside = (at >= first) & (at <= stop)

@@ -10,7 +10,9 @@ from mograft._util.arrays import BoolArray, IntArray
 from mograft._util.html_table import notebook_html, notebook_table
 from mograft.blend.foot_planting import FeetReport
 from mograft.blend.reach_completion import ReachCompletion
+from mograft.body.loops import is_loop
 from mograft.library.library import Library
+from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.scenario import Scenario, repetition
@@ -103,6 +105,8 @@ class Change:
         First and last frame of the donor in its clip.
     command : str or None
         The command line, as typed; None in Python.
+    is_held : bool
+        Whether the donor holds to the ends of a loop, which are then not closed.
     """
 
     group: str
@@ -111,6 +115,7 @@ class Change:
     clip: str
     clip_frames: Span
     command: str | None = None
+    is_held: bool = False
 
     def __str__(self) -> str:
         where, donor = (f"{first}-{last}" for first, last in (self.frames, self.clip_frames))
@@ -270,6 +275,8 @@ class Graft:
         for group in self.alternatives:
             lines += _group_lines(self, group, each=each)
         lines += [f"  changed {own}" for own in self.changes]
+        if any(own.is_held for own in self.changes) and is_loop(self.base):
+            lines += _loop_lines(self)
         lines += [f"  {violation.message}" for violation in self.violations]
         lines += [_repair_line(own) for own in self.self_repairs]
         feet = self.feet
@@ -284,6 +291,18 @@ class Graft:
                 f"by up to {feet.unreached:.4f} heights"
             )
         return "\n".join([*lines, *map(_reach_line, self.reach_completions)])
+
+
+def _loop_lines(graft: Graft) -> list[str]:
+    """Return a line if the motion is no loop any more."""
+    if is_loop(graft.motion):
+        return []
+    joints = np.concatenate([graft.library.joints(group) for group in graft.alternatives])
+    gap = rotations.angle(*graft.motion.rotations[[0, -1]][:, joints]).max()
+    return [
+        "  the loop is open: a changed part holds to its end, and the ends differ by "
+        f"{math.degrees(gap):.0f}°; changes in frames 1-{graft.base.n_frames - 2} keep it closed"
+    ]
 
 
 def _reach_line(completion: ReachCompletion) -> str:
