@@ -10,7 +10,7 @@ import numpy as np
 import mograft as mg
 from lab.baselines import body_mixing, genmm, motion_matching
 from lab.baselines.motion_arrays import MotionArrays
-from lab.donors.donor_methods import RandomLength, draw_donors, grafts_by
+from mograft.evaluation import RandomLength, draw_donors, grafts_by
 from mograft.scenario import transitions, walk
 from mograft.synthesis.graft_building import build_graft
 

@@ -14,12 +14,12 @@ import numpy as np
 
 from lab.donors import classifier, donor_pairs
 from lab.donors.classifier import PairFeatures
-from lab.donors.donor_methods import Method
 from lab.donors.held_out import GROUP_SEGMENTS, fit_on, fold_groups, shuffle_parts
 from lab.donors.kappa import Difference, Kappas
 from lab.donors.methods import default_methods, grafted_group
 from lab.donors.part_features import part_features
 from mograft import InsufficientDataError, Library
+from mograft.evaluation import Method
 from mograft.evaluation.detectability import assign_folds
 from mograft.evaluation.estimate import Estimate, Record
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lab.donors.donor_methods import draw_donors
+from mograft.evaluation import draw_donors
 
 _MAX_DONORS = 20  # donors of one segment that are scored, at most
 _MAX_PAIRS = 10_000  # pairs in one fold that are scored; more if two donors per segment need them

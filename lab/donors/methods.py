@@ -6,10 +6,10 @@ from itertools import groupby
 
 import numpy as np
 
-from lab.donors.donor_methods import Method, RandomLength
 from lab.donors.part_features import equidistant_instants
 from mograft import InsufficientDataError
 from mograft.body.contacts import detect_contacts, find_legs
+from mograft.evaluation import Method, RandomLength, grafts_by
 
 
 @dataclass(frozen=True)
@@ -231,3 +231,12 @@ def grafted_group(library, group=None):
     if group is not None and group not in others:
         raise ValueError(f"`group` must be one of {', '.join(others)}, got {group!r}")
     return others[0] if group is None else group
+
+
+def makers(methods):
+    """Return the methods as `mograft.evaluation.evaluate` takes them."""
+
+    def maker(method):
+        return lambda library, base, runs, seed: grafts_by(method, library, base, runs, seed=seed)
+
+    return {method.name: maker(method) for method in methods}

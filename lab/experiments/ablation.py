@@ -14,11 +14,10 @@ import numpy as np
 
 import mograft as mg
 from lab.donors.compatibility import compatibility
-from lab.donors.donor_methods import RandomLength
 from lab.donors.methods import Analogy
 from lab.experiments.bases import choose_bases
 from lab.experiments.tables import Table, format_estimate
-from mograft.evaluation import estimate
+from mograft.evaluation import RandomLength, estimate
 from mograft.evaluation.detectability import block_folds, detect, empty_detection
 from mograft.evaluation.windows import GraftWindows
 from mograft.evaluation.world_measures import WorldReference

@@ -8,11 +8,10 @@ segments that both exchange in the same run.
 
 import numpy as np
 
-from lab.donors.donor_methods import RandomLength, grafts_by
 from lab.donors.methods import Analogy, ContactPattern
 from lab.experiments.bases import MAX_BASES, N_GRAFTS
 from lab.experiments.tables import Table, format_estimate
-from mograft.evaluation import estimate
+from mograft.evaluation import RandomLength, estimate, grafts_by
 from mograft.evaluation.balance import BALANCES, BalancedBase, balance_row
 
 NAME = "balance"

@@ -8,12 +8,12 @@ of the acceptance rates in percentage points. See `lab.donors.compatibility`.
 """
 
 from lab.donors.compatibility import compatibility
-from lab.donors.donor_methods import RandomLength
 from lab.donors.methods import Analogy, Ball, ContactPattern, Nearest
 from lab.experiments.sources import SOURCES as ALL_SOURCES
 from lab.experiments.tables import Table, format_estimate
 from lab.experiments.verdicts import KAPPA_MARGIN, count_verdicts, verdict
 from mograft.body.contacts import find_legs
+from mograft.evaluation import RandomLength
 
 NAME = "matched"
 SOURCES = tuple(name for name in ALL_SOURCES if name != "actions and styles")

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lab.donors.donor_methods import Method, RandomLength, grafts_by
 from lab.donors.methods import Analogy, ByCost, Nearest, Random
 from lab.experiments.bases import choose_bases
 from lab.experiments.sources import UNTOUCHED
 from lab.experiments.tables import Table, format_estimate
-from mograft.evaluation import estimate
+from mograft.evaluation import Method, RandomLength, estimate, grafts_by
 from mograft.evaluation.quality import quality
 
 NAME = "new-motions"

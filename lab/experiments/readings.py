@@ -16,10 +16,10 @@ import numpy as np
 
 import mograft as mg
 from lab.donors.compatibility import compatibility
-from lab.donors.donor_methods import Method, RandomLength
 from lab.donors.methods import cluster_candidates
 from lab.experiments.tables import Table, format_estimate
 from mograft.clustering import cut, threshold
+from mograft.evaluation import Method, RandomLength
 
 NAME = "readings"
 SOURCES = ("salsa A", "salsa B")

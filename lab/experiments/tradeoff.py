@@ -19,13 +19,13 @@ import numpy as np
 
 import mograft as mg
 from lab.baselines import body_mixing, catalogue
-from lab.donors.donor_methods import RandomLength, grafts_by
 from lab.donors.methods import Nearest
 from lab.experiments.sources import SEVERAL
 from lab.experiments.sources import SOURCES as ALL_SOURCES
 from lab.experiments.tables import Table, format_estimate
 from lab.measures import generated_sets, two_sets
 from mograft import rotations
+from mograft.evaluation import RandomLength, grafts_by
 
 NAME = "tradeoff"
 SOURCES = SEVERAL

@@ -14,9 +14,8 @@ import mograft as mg
 from lab import plots
 from lab.common import tiny_motion
 from lab.donors.compatibility import compatibility
-from lab.donors.donor_methods import makers
 from lab.donors.enrichment import cluster_numbers, enrichment, moment_laws, sweep
-from lab.donors.methods import default_methods
+from lab.donors.methods import default_methods, makers
 from lab.donors.retrieval import retrieval
 from mograft import evaluation
 

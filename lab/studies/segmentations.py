@@ -24,13 +24,13 @@ import lab.segmentations
 import mograft as mg
 from lab.common import tiny_motion
 from lab.donors.compatibility import compatibility
-from lab.donors.donor_methods import RandomLength
 from lab.donors.methods import Analogy
 from lab.experiments.sources import MIN_FRAMES, RATE, SOURCES, find_files
 from lab.experiments.tables import Table
 from lab.segmentations import METHODS as OTHERS
 from lab.segmentations import method as function_of
 from mograft.dancer import dance
+from mograft.evaluation import RandomLength
 from mograft.evaluation.detectability import MIN_WINDOWS, block_folds, detect
 from mograft.evaluation.windows import GraftWindows
 from mograft.solve.plan import GraftPlan

@@ -14,11 +14,12 @@ from mograft.blend.donor_timeline import DonorLayout, DonorTimeline, SegmentTime
 from mograft.blend.recombine import recombine
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import ROTATIONS, TRANSLATIONS
-from mograft.blend.time_warp import TimeWarp, warping_path
+from mograft.blend.time_warp import TimeWarp, gaps_in_band, warping_path
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.motion.resample import cubic
+from mograft.search.boundary_states import pose_gaps
 from tests.blend.continuity import jumps
 from tests.strategies import (
     SEEDS,
@@ -26,6 +27,7 @@ from tests.strategies import (
     assert_same_rotations,
     few_examples,
     random_star_clip,
+    smooth_rotations,
     tile_segments,
 )
 
@@ -70,6 +72,19 @@ def test_warping_path_is_shortest_of_all_paths(gaps):
         if path[-1] == 2 * n and near:
             best = min(best, gaps[rows, path].sum())
     assert gaps[rows, warping_path(gaps)].sum() == pytest.approx(best)
+
+
+@given(st.integers(1, 40), st.integers(1, 3), SEEDS)
+def test_gaps_in_band_give_the_path_of_all_gaps(n, n_others, seed):
+    rng = np.random.default_rng(seed)
+    poses, *others = (smooth_rotations(rng, 2 * n + 1, 2) for _ in range(n_others + 1))
+    expected = np.stack([pose_gaps(poses[: n + 1], other) for other in others])
+    gaps = gaps_in_band(poses[: n + 1], np.stack(others))
+    path = warping_path(gaps)
+    np.testing.assert_array_equal(path, warping_path(expected))
+    for row in range(n_others):
+        used = np.arange(n + 1), path[row]
+        np.testing.assert_array_equal(gaps[row][used], expected[row][used])
 
 
 @given(SEGMENT_LENGTHS, SEEDS)

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft import datasets
 from mograft.cli import main
-from mograft.datasets.finding import _Query
+from mograft.datasets.finding import _Query, _sample
+from mograft.motion.resample import resample_segments
 from tests.datasets.conftest import executor_of
 from tests.datasets.test_splits import turned
-from tests.strategies import few_examples
+from tests.strategies import assert_same_rotations, few_examples
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +64,29 @@ def test_nearest_runs_match_exhaustive_search(stored, clip, first, n, count, gro
     wanted = np.sqrt(np.array([totals[run] for run in expected]) / max(len(own), 1))
     assert np.allclose(distances, wanted, atol=1e-7)
     assert len(found) == len(expected)
+
+
+@few_examples(12)
+@given(clip=st.integers(0, 5), first=st.integers(0, 150), top=st.integers(1, 3))
+def test_blocks_of_workers_do_not_change_the_hits(stored, clip, first, top):
+    """The angles decide among as many of the nearest spans as without workers."""
+    name, frames = stored.names[clip], (first, first + 15)
+    expected = datasets.find(stored, name, frames=frames, top=top)
+    with executor_of("threads") as pool:
+        assert datasets.find(stored, name, frames=frames, top=top, executor=pool) == expected
+
+
+@few_examples(20)
+@given(seed=st.integers(0, 100), count=st.integers(2, 80), n=st.integers(1, 4))
+def test_samples_of_several_spans_are_those_of_each(takes, seed, count, n):
+    rng, joints = np.random.default_rng(seed), np.array([1, 4, 5])
+    clips = [takes[index] for index in rng.integers(0, len(takes), n)]
+    spans = [tuple(np.sort(rng.choice(240, 2, replace=False)).tolist()) for _ in clips]
+    found = _sample(clips, spans, count, joints)
+    for own, clip, (start, stop) in zip(found, clips, spans, strict=True):
+        quats = clip.rotations[:, joints]
+        expected = resample_segments(quats, [start], [stop], [count])
+        assert_same_rotations(own, expected)
 
 
 def test_copies_are_the_first_hits(with_copies):

@@ -2,10 +2,10 @@
 
 import pytest
 
-from lab.donors.donor_methods import RandomLength, makers
+from lab.donors.methods import makers
 from mograft import Config, Library
 from mograft.dancer import dance
-from mograft.evaluation import evaluate
+from mograft.evaluation import RandomLength, evaluate
 from tests.evaluation.planted import ByCost
 
 

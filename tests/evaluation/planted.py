@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lab.donors.donor_methods import Method, grafts_by
 from mograft import rotations
+from mograft.evaluation import Method, grafts_by
 
 
 def grafts_of_clips(library, method, count=3):

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.donors.donor_methods import RandomLength, grafts_by
 from mograft import InsufficientDataError, Library, graft
 from mograft.dancer import dance
+from mograft.evaluation import RandomLength, grafts_by
 from mograft.evaluation.body_tracks import landmarks
 from mograft.evaluation.detectability import (
     assign_folds,

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from lab.donors.donor_methods import RandomLength, grafts_by
 from mograft import InsufficientDataError, Library, rotations
 from mograft.body.anatomy import feature_joints
 from mograft.body.mass import mass_model
+from mograft.evaluation import RandomLength, grafts_by
 from mograft.evaluation.body_tracks import BodyTracks
 from mograft.evaluation.novelty import body_windows, captured_windows, nearest_distances, novelty
 from mograft.evaluation.quality import angular_derivatives, quality

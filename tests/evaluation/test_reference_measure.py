@@ -11,8 +11,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lab.donors.donor_methods import RandomLength, grafts_by
 from mograft import read_bvh
+from mograft.evaluation import RandomLength, grafts_by
 from mograft.evaluation.detectability import detectability
 from mograft.evaluation.novelty import novelty
 from mograft.evaluation.world_measures import WorldReference

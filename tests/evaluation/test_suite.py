@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import mograft as mg
-from lab.donors.donor_methods import RandomLength, makers
+from lab.donors.methods import makers
 from mograft import Library, read_bvh, write_bvh
 from mograft._util import extras
 from mograft.cli import main
 from mograft.dancer import dance
-from mograft.evaluation import detectability, evaluate, quality, world_quality
+from mograft.evaluation import RandomLength, detectability, evaluate, quality, world_quality
 from mograft.viewing.evaluation_report import evaluation_page, summarize
 from tests.evaluation.planted import ByCost
 from tests.strategies import smooth_rotations

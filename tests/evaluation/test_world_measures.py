@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lab.donors.donor_methods import grafts_by
 from mograft import JointGroups, Library, Motion, graft
 from mograft.body.contacts import Ground
 from mograft.body.contacts import skating_share as foot_skate
+from mograft.evaluation import grafts_by
 from mograft.evaluation.balance import dynamic_balance
 from mograft.evaluation.body_tracks import (
     BodyTracks,

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from lab.donors import compatibility as module
 from lab.donors.compatibility import compatibility
-from lab.donors.donor_methods import RandomLength
 from lab.donors.enrichment import PAPER_TABLES, enrichment, moment_laws, sweep
 from lab.donors.held_out import fold_groups
 from lab.donors.kappa import Kappas
@@ -18,6 +17,7 @@ from lab.donors.methods import Analogy, Ball, ByCost, Nearest, Random
 from lab.donors.part_features import part_features
 from mograft import InsufficientDataError, Library, rotations
 from mograft.dancer import dance
+from mograft.evaluation import RandomLength
 from mograft.evaluation.detectability import assign_folds
 from mograft.search.candidates import count_combinations
 from tests.strategies import SEEDS, few_examples, transform_motion

@@ -6,7 +6,6 @@ from itertools import groupby
 import numpy as np
 import pytest
 
-from lab.donors.donor_methods import RandomLength, draw_donors, grafts_by
 from lab.donors.methods import (
     Analogy,
     Ball,
@@ -21,6 +20,7 @@ from lab.donors.methods import (
 )
 from mograft import InsufficientDataError, JointGroups, Library, graft_many, rotations
 from mograft.body.contacts import detect_contacts
+from mograft.evaluation import RandomLength, draw_donors, grafts_by
 from mograft.search.costs import length_fits
 from tests.strategies import random_star_clip, tile_segments
 

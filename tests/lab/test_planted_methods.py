@@ -8,13 +8,12 @@ import pytest
 from lab.baselines import body_mixing
 from lab.donors import retrieval_trials
 from lab.donors.compatibility import compatibility
-from lab.donors.donor_methods import Method, RandomLength
 from lab.donors.methods import Analogy
 from lab.donors.retrieval import retrieval
 from lab.measures import generated_sets
 from mograft import Library, graft_many
 from mograft.dancer import dance
-from mograft.evaluation import novelty
+from mograft.evaluation import Method, RandomLength, novelty
 from mograft.evaluation.detectability import detectability
 from tests.evaluation.planted import copy_base, grafts_of_clips
 from tests.lab.test_retrieval import move_arms_like_legs

@@ -58,13 +58,14 @@ def find_matches(argument: str, patterns: str | Iterable[str], names: Sequence[s
     the last ``|``: Blender writes names such as ``Rig|Walk``. Raises ValueError, which calls the
     argument `argument`, for a pattern that selects no name.
     """
-    places: dict[str, list[int]] = {}
+    several = [patterns] if isinstance(patterns, str) else list(patterns)
+    places: dict[str, list[int]] = {pattern: [] for pattern in several}
     for index, name in enumerate(names):
-        places.setdefault(name, []).append(index)
+        if name in places:
+            places[name].append(index)
     found: set[int] = set()
-    for pattern in [patterns] if isinstance(patterns, str) else patterns:
-        own = places.get(pattern)
-        own = own or [
+    for pattern in several:
+        own = places[pattern] or [
             index
             for index, name in enumerate(names)
             if fnmatchcase(name, pattern) or fnmatchcase(name.rpartition("|")[2], pattern)

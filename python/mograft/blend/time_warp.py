@@ -18,6 +18,34 @@ _N_KNOTS = 5  # knots of a warp, ends included; a knot in every frame would caus
 _STEPS = (2, 1, 3, 4)  # in half frames; ties go to the first, the constant rate
 
 
+_BAND_ROWS = 8  # whose distances are computed together
+
+
+def _band(n: int) -> int:
+    """Return by how many columns a path may differ from the constant rate."""
+    return max(round(2 * n * _BAND_SHARE), 1)
+
+
+def gaps_in_band(poses: FloatArray, samples: FloatArray) -> FloatArray:
+    """Return the distances that `warping_path` uses, between a motion and several others.
+
+    `poses`, shape (n + 1, n_joints, 4), are those of the frames of the first motion, `samples`,
+    shape (n_others, 2 n + 1, n_joints, 4), those of the others. The result, shape (n_others, n + 1,
+    2 n + 1), has the `pose_gaps`, in radians, and zeros where no path passes.
+    """
+    n_others, width, *joint = samples.shape
+    gaps, band = np.zeros((n_others, len(poses), width)), _band(len(poses) - 1)
+    least, most, n = min(_STEPS), max(_STEPS), len(poses) - 1
+    for row in range(0, n + 1, _BAND_ROWS):
+        last = min(row + _BAND_ROWS - 1, n)
+        low = max(2 * row - band, least * row, 2 * n - most * (n - row))
+        high = min(2 * last + band, most * last, 2 * n - least * (n - last))
+        own = samples[:, low : high + 1].reshape(-1, *joint)
+        found = pose_gaps(poses[row : last + 1], own).reshape(last + 1 - row, n_others, -1)
+        gaps[:, row : last + 1, low : high + 1] = found.swapaxes(0, 1)
+    return gaps
+
+
 def warping_path(distances: FloatArray) -> FloatArray:
     """Match each row of `distances` to a column by dynamic time warping; return the columns.
 
@@ -34,7 +62,7 @@ def warping_path(distances: FloatArray) -> FloatArray:
     """
     *several, n_rows, width = distances.shape
     n, columns, longest = n_rows - 1, np.arange(width), max(_STEPS)
-    band = max(round(2 * n * _BAND_SHARE), 1)
+    band = _band(n)
     sums = np.full((*several, longest + width), np.inf)
     sums[..., longest] = distances[..., 0, 0]
     step_to = np.zeros(distances.shape, np.int8)

@@ -1,7 +1,7 @@
 """Find spans of a library that move like a query, or clips by words."""
 
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass
@@ -10,14 +10,13 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.validate import as_integer, check_type
-from mograft.blend.time_warp import warping_path
+from mograft.blend.time_warp import gaps_in_band, warping_path
 from mograft.body.anatomy import feature_joints
 from mograft.datasets.executors import call_all
 from mograft.library.clip_keys import TEXT_TAG, plain_tags
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
-from mograft.motion.resample import resample_segments
-from mograft.search.boundary_states import pose_gaps
+from mograft.motion.resample import sample_clips
 from mograft.search.constraints import Span, as_span, overlaps
 
 _REFINED = 2  # times as many spans as are wanted are compared by their frames
@@ -98,9 +97,9 @@ def find(
 
     Notes
     -----
-    A span has as many segments as the query. Its distance compares the points of both, one by one;
-    spans are left out as soon as the sum exceeds that of the worst of the best ones, so the nearest
-    ones are exact. Twice `top` of them are then compared by all frames.
+    A span has as many segments as the query. Its distance compares the points of both, one by one.
+    The nearest ones are exact: products of matrices only exclude spans that are farther than the
+    worst of the best ones. Twice `top` of them are then compared by all frames.
 
     Examples
     --------
@@ -175,31 +174,39 @@ class _Query:
         n, cut = len(own), library.segments
         blocked = np.concatenate([[0], np.cumsum(~self.is_wanted)])
         runs = block[: max(len(block) - n + 1, 0)]
-        runs = runs[cut.clip[runs] == cut.clip[runs + n - 1]]
-        runs = runs[blocked[runs + n] == blocked[runs]]
         spaces = [
-            embedding.points / library.sigma[group]
+            (embedding.points, library.sigma[group])
             for group in self.groups
             if (embedding := library.embedding[group]) is not None and library.sigma[group] > 0
         ]
 
-        def squares(starts: IntArray, offset: int) -> FloatArray:
-            """Return the squared distances of the segments at `offset` in runs and the query."""
-            gaps = [points[starts + offset] - points[own[offset]] for points in spaces]
-            return np.sum([np.einsum("ij,ij->i", gap, gap) for gap in gaps], axis=0) + np.zeros(
-                len(starts)
-            )
+        def exact(runs: IntArray) -> FloatArray:
+            """Return the sums of squared distances of the segments of runs and the query."""
+            sums = np.zeros(len(runs))
+            for offset in range(n):
+                pairs = [(points[runs + offset], points[own[offset]], s) for points, s in spaces]
+                gaps = [run / sigma - query / sigma for run, query, sigma in pairs]
+                sums += np.sum([np.einsum("ij,ij->i", gap, gap) for gap in gaps], axis=0)
+            return sums
 
-        sums = np.zeros(len(runs))
+        # |p - q|² = |p|² + |q|² - 2 p·q, up to rounding errors: `slack` is far above them.
+        sums, slack = np.zeros(len(runs)), 0.0
+        for points, sigma in spaces if len(runs) else ():
+            table, queries = points[block[0] : block[-1] + 1], points[own] / sigma**2
+            norms = np.einsum("ij,ij->i", table, table) / sigma**2
+            slack += 1e-9 * n * float(norms.max())
+            for offset, query in enumerate(queries):
+                sums += norms[offset : offset + len(runs)]
+                sums -= 2.0 * (table[offset : offset + len(runs)] @ query)
+            sums += float((points[own] * queries).sum())
+        is_valid = cut.clip[runs] == cut.clip[runs + n - 1]
+        is_valid &= blocked[runs + n] == blocked[runs]
+        runs, sums = runs[is_valid], sums[is_valid]
         wanted = min(self.count * (2 * n - 1), len(runs))  # a run overlaps n - 1 on either side
-        for offset in range(n):
-            sums = sums + squares(runs, offset)
-            if 0 < wanted < len(runs) and offset + 1 < n:
-                # The final sum of the runs that are best now bounds that of the best ones.
-                best = runs[np.argpartition(sums, wanted - 1)[:wanted]]
-                bound = np.sum([squares(best, later) for later in range(n)], axis=0).max()
-                kept = sums <= bound * (1 + 1e-9)
-                runs, sums = runs[kept], sums[kept]
+        if 0 < wanted < len(runs):
+            bound = exact(runs[np.argpartition(sums, wanted - 1)[:wanted]]).max()
+            runs = runs[sums <= bound + slack]
+        sums = exact(runs)
         found = list[tuple[int, float]]()
         is_free = np.ones(len(self.is_wanted), bool)
         for row in np.lexsort((runs, sums)).tolist():
@@ -218,17 +225,14 @@ class _Query:
         compared = np.setdiff1d(compared, [library.root]) if len(compared) > 1 else compared
         span = int(cut.start[own[0]]), int(cut.stop[own[-1]])
         n = min(span[1] - span[0], _MAX_WARPED_FRAMES)
-        poses = _sample(library.clips[int(cut.clip[own[0]])], span, n + 1, compared)
+        poses = _sample([library.clips[int(cut.clip[own[0]])]], [span], n + 1, compared)[0]
         size, hits = _WARPED_PAIRS // n**2 + 1, list[Hit]()
         for low in range(0, len(runs), size):
             batch = runs[low : low + size]
             first = batch[:, 0].astype(int)
             spans = np.stack([cut.clip[first], cut.start[first], cut.stop[first + len(own) - 1]])
-            others = [
-                _sample(library.clips[clip], (start, stop), 2 * n + 1, compared)
-                for clip, start, stop in spans.T.tolist()
-            ]
-            gaps = np.stack([pose_gaps(poses, other) for other in others])
+            clips = (library.clips[clip] for clip in spans[0].tolist())
+            gaps = gaps_in_band(poses, _sample(clips, spans[1:].T.tolist(), 2 * n + 1, compared))
             path = warping_path(gaps).astype(np.int64)[..., None]
             angles = np.take_along_axis(gaps, path, axis=2)[..., 0].mean(axis=1)
             for (clip, *frames), *found in zip(
@@ -238,10 +242,22 @@ class _Query:
         return hits
 
 
-def _sample(motion: Motion, span: Span, count: int, joints: IntArray) -> FloatArray:
-    quats = np.ascontiguousarray(motion.rotations[span[0] : span[1] + 1][:, joints])
-    bounds = np.array([0]), np.array([span[1] - span[0]]), np.array([count])
-    return resample_segments(quats, *bounds)
+def _sample(
+    clips: Iterable[Motion], spans: Iterable[Span], count: int, joints: IntArray
+) -> FloatArray:
+    """Return poses of spans of clips at `count` equal steps, shape (n_spans, count, n_joints, 4).
+
+    As `resample_segments` does, but the spans of several clips at once.
+    """
+    tracks = [
+        clip.rotations[start : stop + 1, joints]
+        for clip, (start, stop) in zip(clips, spans, strict=True)
+    ]
+    last, steps = np.array([len(track) - 1 for track in tracks])[:, None], np.arange(count)
+    whole, rest = np.divmod(steps * last, count - 1)  # a whole frame is exactly that frame
+    rows = np.repeat(np.arange(len(tracks)), count)
+    found = sample_clips(tracks, rows, (whole + rest / (count - 1)).ravel())
+    return found.reshape(len(tracks), count, -1, 4)
 
 
 def find_words(library: Library, text: str) -> list[tuple[int, float]]:

@@ -7,6 +7,7 @@ measure, it raises `InsufficientDataError`. No measure is a share of natural mot
 
 from mograft.evaluation.balance import Balance, dynamic_balance, static_balance
 from mograft.evaluation.detectability import Detectability, detectability
+from mograft.evaluation.donor_methods import Method, RandomLength, draw_donors, grafts_by
 from mograft.evaluation.novelty import Novelty, novelty
 from mograft.evaluation.quality import Quality, quality
 from mograft.evaluation.robot_checks import feasible_limits, robot_checks
@@ -22,14 +23,18 @@ __all__ = [
     "Balance",
     "Detectability",
     "Evaluation",
+    "Method",
     "Novelty",
     "Quality",
+    "RandomLength",
     "WorldMeasures",
     "WorldQuality",
     "detectability",
+    "draw_donors",
     "dynamic_balance",
     "evaluate",
     "feasible_limits",
+    "grafts_by",
     "novelty",
     "quality",
     "robot_checks",

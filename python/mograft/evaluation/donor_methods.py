@@ -5,15 +5,22 @@ for each segment; rules with `Method.uses_cost` select by cost instead. `RandomL
 to compare with: what a similar base part is worth.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from mograft import Grafts
+from mograft._util.arrays import IntArray
+from mograft.config import Config
+from mograft.library.library import Library
+from mograft.motion.motion import Motion
 from mograft.search.costs import length_fits
 from mograft.search.donor_choice import draw_uniform, prune_dead_ends
+from mograft.search.segment_pool import SegmentPool
+from mograft.search.trellis import DonorSequences
 from mograft.solve.plan import GraftPlan
+from mograft.synthesis.graft import Grafts
 
 _MAX_DRAWN = 100  # candidates of a position among which seams are compared, at most
 
@@ -42,7 +49,7 @@ class Method:
     uses_cost: bool = False
     config_changes: tuple[tuple[str, Any], ...] = ()
 
-    def candidates(self, library, scenario):
+    def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:
         """Return the candidates for base segments.
 
         Parameters
@@ -66,9 +73,10 @@ class RandomLength(Method):
 
     name: str = "random, length limit"
 
-    def candidates(self, library, scenario):
+    def candidates(self, library: Library, scenario: IntArray) -> list[IntArray]:
         """Return the candidates for base segments; see `Method.candidates`."""
-        lengths, found = library.segments.lengths, []
+        lengths = library.segments.lengths
+        found: list[IntArray] = []
         for segment in scenario.tolist():
             fits = length_fits(lengths[[segment]], lengths, library.rate, library.config)
             fits = fits & library.is_donor
@@ -77,7 +85,15 @@ class RandomLength(Method):
         return found
 
 
-def grafts_by(method, library, base=None, count=1, *, swap=None, seed=0):
+def grafts_by(
+    method: Method,
+    library: Library,
+    base: Motion | str | int | None = None,
+    count: int = 1,
+    *,
+    swap: Sequence[str] | None = None,
+    seed: int = 0,
+) -> Grafts:
     """Return grafts as `mograft.graft_many` does, but with donors that `method` selects.
 
     Parameters
@@ -120,7 +136,15 @@ def grafts_by(method, library, base=None, count=1, *, swap=None, seed=0):
     return Grafts(plan, tuple(donors), seed)
 
 
-def draw_donors(method, library, base=None, count=1, *, swap=None, seed=0):
+def draw_donors(
+    method: Method,
+    library: Library,
+    base: Motion | str | int | None = None,
+    count: int = 1,
+    *,
+    swap: Sequence[str] | None = None,
+    seed: int = 0,
+) -> tuple[GraftPlan, list[DonorSequences]]:
     """Select donors as `grafts_by` does, without computing the motions.
 
     Return the plan of the grafts and, for each graft, the donor sequence of each grafted group.
@@ -147,7 +171,14 @@ def draw_donors(method, library, base=None, count=1, *, swap=None, seed=0):
     return plan, [{group: own[index] for group, own in drawn.items()} for index in range(count)]
 
 
-def _draw_sequences(method, pool, candidates, config, count, rng):
+def _draw_sequences(
+    method: Method,
+    pool: SegmentPool,
+    candidates: list[IntArray],
+    config: Config,
+    count: int,
+    rng: np.random.Generator,
+) -> list[IntArray]:
     """Draw donors for each position as `Config.choice` "random" does (paper, 4.4).
 
     Without `Method.has_seam_limit`, the draws are independent. Otherwise, if a position has more
@@ -171,12 +202,3 @@ def _draw_sequences(method, pool, candidates, config, count, rng):
         ]
         sequences.append(draw_uniform(*prune_dead_ends(pool, limited, config), config, rng))
     return sequences
-
-
-def makers(methods):
-    """Return the methods as `mograft.evaluation.evaluate` takes them."""
-
-    def maker(method):
-        return lambda library, base, runs, seed: grafts_by(method, library, base, runs, seed=seed)
-
-    return {method.name: maker(method) for method in methods}
