@@ -476,7 +476,7 @@ def test_use_in_repair_changes_segment(library):
         (lambda: mc.Use(99999, 3), "`segment` of Use must be 0 to .*, got 99999"),
         (lambda: mc.Ban(3, 99999), "`donor` of Ban must be 0 to .*, got 99999"),
         (lambda: mc.Ban(3, "secnd"), "`donor` of Ban .*; got 'secnd'; did you mean 'second'"),
-        (lambda: mc.Use(3, ("second", 0, 1)), "`donor` of Use .* of second, got 0-1; the nearest"),
+        (lambda: mc.Use(3, ("second", 0, 1)), "`donor` of Use .* of second, got 0-1; most of"),
         (lambda: mc.Use(frames=(0, 1), donor=3), "`frames` of Use must be a segment of the base"),
         (lambda: mc.Ban(3, ("second", 99990, 99999)), "`donor` of Ban must be a segment of second"),
     ],
