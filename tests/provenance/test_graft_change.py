@@ -443,6 +443,9 @@ def test_replay_with_other_blending_keeps_donors_and_replays(library, graft, dat
     other = mg.replay(mg.graft_record(edited), library, config=config)
     assert all((other.donors[name] == own).all() for name, own in edited.donors.items())
     assert other.changes == edited.changes
+    assert mg.advise(other) == mg.advise(edited)
+    for name, counts in edited.alternatives.items():
+        np.testing.assert_array_equal(other.alternatives[name], counts)
     assert (other.motion.rotations != edited.motion.rotations).any()
     check_replays(other)
 

@@ -127,11 +127,11 @@ def _replay(record: GraftRecord, library: Library | None, sources: Sequence[str]
             f"expected {expected}; another version of mograft made it"
         )
     request = replace(request, scenario=plan.scenario)
-    if not is_same:
-        return replace(graft, request=request)
-    if graft.unchanged is not None:
-        graft = replace(graft, unchanged=_with_recorded(graft.unchanged, record, request))
-    return _with_recorded(graft, record, request)
+    graft = _with_recorded(graft, record, request, is_same=is_same)
+    if graft.unchanged is None:
+        return graft
+    unchanged = _with_recorded(graft.unchanged, record, request, is_same=is_same)
+    return replace(graft, unchanged=unchanged)
 
 
 def _read_scenario(record: GraftRecord, recorded: RecordedLibrary) -> Scenario | None:
@@ -247,14 +247,27 @@ def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
     )
 
 
-def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> Graft:
-    """Return the graft with the recorded results of the search, which replay does not repeat."""
+def _with_recorded(
+    graft: Graft, record: GraftRecord, request: GraftRequest, *, is_same: bool
+) -> Graft:
+    """Return the graft with the recorded results of the search, which replay does not repeat.
+
+    Those that depend on blending, too, are only of a graft whose configuration `is_same`.
+    """
     costs = {(own.group, own.frames): own.cost for own in record.donors}
     alternatives = {
         group: np.array([own.alternatives for own in record.donors if own.group == group])
         for group in graft.alternatives
     }
     document = record.document
+    if is_same:
+        graft = replace(
+            graft,
+            violations=tuple(
+                _read_violation(own, request.constraints) for own in document["violations"]
+            ),
+            self_repairs=tuple(_read_repair(own) for own in document["self_repair"]),
+        )
     return replace(
         graft,
         substitutions=tuple(
@@ -262,10 +275,6 @@ def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> 
             for own in graft.substitutions
         ),
         alternatives=alternatives,
-        violations=tuple(
-            _read_violation(own, request.constraints) for own in document["violations"]
-        ),
-        self_repairs=tuple(_read_repair(own) for own in document["self_repair"]),
         remarks=tuple(map(str, document["remarks"])),
         request=request,
     )
