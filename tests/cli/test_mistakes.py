@@ -103,6 +103,9 @@ MISTAKES = [
     ("curate lib --part arms", RUNTIME, "--groups lower_torso_arms, of files or"),
     ("candidates lib --segment 1 --group arms", RUNTIME, "lower_torso_arms, of files or"),
     ("graft lib -o x --swap arms", RUNTIME, "--groups lower_torso_arms, of files or"),
+    *((f"{words} tags.csv{rest}", INVALID, "other tables are no motions (these are .bvh, .glb, "
+       ".fbx or .npz): one of clips and their tags is for mograft index --tags ") for words, rest
+      in (("check", ""), ("info", ""), ("graft", " -o x"), ("view", " -o x.html"))),
     ("info text", INVALID, "text: expected a motion file (.bvh, .glb, .gltf, .fbx, .npz, .csv, "),
     ("graft text -o x", INVALID, "text: expected a motion file (.bvh, .glb, .gltf, .fbx, .npz"),
     ("info zzzzzz.bvh", RUNTIME, "or directory; the folder has a.bvh, b.bvh, broken.bvh"),
@@ -244,6 +247,7 @@ def mistakes_folder(tmp_path_factory):
     head = text[: text.index("Frames:")]
     (folder / "zero.bvh").write_text(f"{head}Frames: 0\nFrame Time: 0.033\n")
     (folder / "text").write_text("text")
+    (folder / "tags.csv").write_text("clip,tags\nwalk,slow\n")
     (folder / "robot.xml").write_text(ROBOT)
     (folder / "empty").mkdir()
     sources = [folder / "clips" / f"{name}.bvh" for name in ("dance", "walk")]
