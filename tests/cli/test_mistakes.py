@@ -103,8 +103,8 @@ MISTAKES = [
     ("curate lib --part arms", RUNTIME, "--groups lower_torso_arms, of files or"),
     ("candidates lib --segment 1 --group arms", RUNTIME, "lower_torso_arms, of files or"),
     ("graft lib -o x --swap arms", RUNTIME, "--groups lower_torso_arms, of files or"),
-    *((f"{words} tags.csv{rest}", INVALID, "other tables are no motions (these are .bvh, .glb, "
-       ".fbx or .npz): one of clips and their tags is for mograft index --tags ") for words, rest
+    *((f"{words} tags.csv{rest}", INVALID, "other tables are no motions, which are .bvh, .glb, "
+       ".fbx or .npz: one of clips and their tags is for mograft index --tags ") for words, rest
       in (("check", ""), ("info", ""), ("graft", " -o x"), ("view", " -o x.html"))),
     ("info text", INVALID, "text: expected a motion file (.bvh, .glb, .gltf, .fbx, .npz, .csv, "),
     ("graft text -o x", INVALID, "text: expected a motion file (.bvh, .glb, .gltf, .fbx, .npz"),

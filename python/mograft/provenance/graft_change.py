@@ -8,7 +8,7 @@ from mograft._util.names import find_matches
 from mograft._util.validate import as_integer
 from mograft.library.library import Library
 from mograft.library.origin import is_partial
-from mograft.search.constraints import Constraint, Span, as_span, find_violations
+from mograft.search.constraints import Constraint, Span, as_span, find_violations, overlaps
 from mograft.solve.donor_spans import (
     MAX_RATIO,
     ChangedPart,
@@ -158,7 +158,7 @@ def _choose(
         return _exact_span(library, frames, donor)
     if donor is not None:
         within = find_matches("donor", donor, library.names)
-    present = _clips_in_use(graft, part.group, frames)
+    present = _clips_in_use(graft, problem, part.group, frames) if donor is None else ()
     hard = [own for own in problem.pose_constraints if own.is_hard]
     found = find_donor_spans(problem, motion, part, frames, within, present)
     spans = list(islice(found, rank + (_MAX_TRIALS if hard else 1)))
@@ -182,16 +182,13 @@ def _choose(
     return spans[sorted(errors)[rank][1]]
 
 
-def _clips_in_use(graft: Graft, group: str, frames: Span) -> set[int]:
+def _clips_in_use(graft: Graft, problem: SearchProblem, group: str, frames: Span) -> set[int]:
     """Return the clips from which a graft has a group in a range of frames."""
-    names = graft.library.names
-    spans = [(own.group, (own.start, own.stop), own.clip) for own in graft.substitutions]
-    spans += [(own.group, own.frames, own.clip) for own in graft.changes]
-    return {
-        names.index(clip)
-        for own, (first, last), clip in spans
-        if own == group and first < frames[1] and last > frames[0]
-    }
+    segments, names = problem.library.segments, problem.library.names
+    own = [own for own in graft.changes if own.group == group]
+    changed = [c for c in own if c.frames[0] < frames[1] and c.frames[1] > frames[0]]
+    donors = graft.donors[group][overlaps(problem.base_segments, frames)]
+    return {*segments.clip[donors].tolist(), *(names.index(own.clip) for own in changed)}
 
 
 def _exact_span(library: Library, frames: Span, donor: tuple[str, int, int]) -> DonorSpan:

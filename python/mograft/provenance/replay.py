@@ -117,21 +117,18 @@ def _replay(record: GraftRecord, library: Library | None, sources: Sequence[str]
     plan = GraftPlan.build(recorded.library, recorded.base, groups, (), scenario)
     versions = _find_versions(record, recorded, plan)
     request = _read_request(record, sources)
-    is_same = Config.from_dict(record.document["config"]) == record.config
-    graft = _finish_versions(record, plan, versions, request.constraints, is_same=is_same)
+    graft = _finish_versions(record, plan, versions, request.constraints)
     graft = apply_changes(graft, plan.problem, _read_changes(record, plan))
     expected, found = record.document["poses_sha256"], hash_poses(graft.motion)
-    if is_same and expected != found:
+    if record.has_own_config and expected != found:
         raise record.error(
             f"the motion differs from that of the provenance: SHA-256 of its poses {found}, "
             f"expected {expected}; another version of mograft made it"
         )
     request = replace(request, scenario=plan.scenario)
-    graft = _with_recorded(graft, record, request, is_same=is_same)
-    if graft.unchanged is None:
-        return graft
-    unchanged = _with_recorded(graft.unchanged, record, request, is_same=is_same)
-    return replace(graft, unchanged=unchanged)
+    if graft.unchanged is not None:
+        graft = replace(graft, unchanged=_with_recorded(graft.unchanged, record, request))
+    return _with_recorded(graft, record, request)
 
 
 def _read_scenario(record: GraftRecord, recorded: RecordedLibrary) -> Scenario | None:
@@ -195,15 +192,14 @@ def _finish_versions(
     plan: GraftPlan,
     versions: Sequence[DonorSequences],
     constraints: Sequence[Constraint],
-    *,
-    is_same: bool,
 ) -> Graft:
     """Return the graft of the last donors; the edits are made one after the other.
 
     In each version, inverse kinematics moves only the limbs that it moved according to `record`, if
-    the configuration `is_same`.
+    that has its own configuration.
     """
     document, seed = record.document, int(record.document["seed"])
+    is_same = record.has_own_config
     recorded = [_read_completions(own, constraints) for own in [*document["edits"], document]]
     every = [own for own in constraints if type(own) is Reach and own.weight != 0]
     completions: list[tuple[ReachCompletion, ...]] = []
@@ -247,12 +243,10 @@ def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
     )
 
 
-def _with_recorded(
-    graft: Graft, record: GraftRecord, request: GraftRequest, *, is_same: bool
-) -> Graft:
+def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> Graft:
     """Return the graft with the recorded results of the search, which replay does not repeat.
 
-    Those that depend on blending, too, are only of a graft whose configuration `is_same`.
+    Those that depend on blending, too, are left out if the record has another configuration.
     """
     costs = {(own.group, own.frames): own.cost for own in record.donors}
     alternatives = {
@@ -260,14 +254,7 @@ def _with_recorded(
         for group in graft.alternatives
     }
     document = record.document
-    if is_same:
-        graft = replace(
-            graft,
-            violations=tuple(
-                _read_violation(own, request.constraints) for own in document["violations"]
-            ),
-            self_repairs=tuple(_read_repair(own) for own in document["self_repair"]),
-        )
+    blended = document if record.has_own_config else {"violations": (), "self_repair": ()}
     return replace(
         graft,
         substitutions=tuple(
@@ -275,6 +262,10 @@ def _with_recorded(
             for own in graft.substitutions
         ),
         alternatives=alternatives,
+        violations=tuple(
+            _read_violation(own, request.constraints) for own in blended["violations"]
+        ),
+        self_repairs=tuple(_read_repair(own) for own in blended["self_repair"]),
         remarks=tuple(map(str, document["remarks"])),
         request=request,
     )

@@ -35,6 +35,8 @@ MAX_RATIO = 3.0
 DISTINCT_ANGLE = np.radians(15.0)
 """Spans that differ from the present part by less, in the mean of all joints, come last."""
 
+_PENALTY = 1e6  # above the cost of any span that is not excluded
+
 
 @dataclass(frozen=True)
 class DonorSpan:
@@ -99,16 +101,15 @@ def find_donor_spans(
     as the range up to `Config.max_stretch`; a clip that is shorter is taken as a whole.
     """
     range_ = _Range(problem, motion, part, frames)
-    found = list[tuple[bool, bool, DonorSpan]]()
+    found = []
     for clip in within or range(len(problem.library.clips)):
         check_cancelled()
-        starts, stops, costs, is_near = range_.compare(clip, accept_same=within is not None)
+        starts, stops, costs = range_.compare(clip, accept_same=within is not None)
+        costs += _PENALTY * (clip in present)
         for index in _pick(starts, stops, costs):
             ends = int(starts[index]), int(stops[index])
-            span = DonorSpan(clip, *ends, float(costs[index]), is_held=within is not None)
-            found.append((within is None and bool(is_near[index]), clip in present, span))
-    found.sort(key=lambda own: (*own[:2], own[2].cost, own[2].clip, own[2].start))
-    yield from (span for *_, span in found)
+            found.append(DonorSpan(clip, *ends, float(costs[index]), is_held=within is not None))
+    yield from sorted(found, key=lambda own: (own.cost, own.clip, own.start))
 
 
 def _pick(starts: IntArray, stops: IntArray, costs: FloatArray) -> Iterator[int]:
@@ -141,12 +142,9 @@ class _Range:
         ends = [max(frames[0] - 1, 0), min(frames[1], motion.n_frames - 2)]
         self.speeds = _speeds(motion, self.joints)[ends]
 
-    def compare(
-        self, clip: int, *, accept_same: bool
-    ) -> tuple[IntArray, IntArray, FloatArray, BoolArray]:
-        """Return first and last frames and costs of the spans of a clip, each (n_spans,).
+    def compare(self, clip: int, *, accept_same: bool) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return first frames, last frames and costs of the spans of a clip, each (n_spans,).
 
-        The last array is true where a span differs by less than `DISTINCT_ANGLE` from the motion.
         The cost is infinite where constraints or faults exclude a span.
         """
         motion = self.problem.library.clips[clip]
@@ -160,18 +158,17 @@ class _Range:
         ]
         starts, stops = np.concatenate([np.zeros((0, 2), np.int64), *spans]).T
         if not len(starts):
-            return starts, stops, np.zeros(0), np.zeros(0, bool)
-        costs, differences = self._costs(motion, starts, stops, accept_same=accept_same)
+            return starts, stops, np.zeros(0)
+        costs = self._costs(motion, starts, stops, accept_same=accept_same)
         costs[self._is_excluded(clip, starts, stops)] = np.inf
         if not accept_same and motion.name == self.problem.base.name:
             shared = np.minimum(stops, self.frames[1]) - np.maximum(starts, self.frames[0])
             costs[shared * 2 > self.n] = np.inf
-        return starts, stops, costs, differences < DISTINCT_ANGLE
+        return starts, stops, costs
 
     def _costs(
         self, motion: Motion, starts: IntArray, stops: IntArray, *, accept_same: bool
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the costs of spans and their mean angles to the motion, each (n_spans,)."""
+    ) -> FloatArray:
         model = self.problem.cost_models[self.group]
         poses = motion.rotations[:, self.joints]
         gaps, captured_gaps = (pose_gaps(own, poses) for own in self.parts)
@@ -194,7 +191,8 @@ class _Range:
             is_known = captured_gaps[rows, frames].mean(axis=0) < COPY_ANGLE
             is_known |= differences < COPY_ANGLE
             costs[is_known | (costs >= INFEASIBLE_PENALTY)] = np.inf
-        return costs, differences
+            costs[differences < DISTINCT_ANGLE] += 2.0 * _PENALTY
+        return costs
 
     def _is_excluded(self, clip: int, starts: IntArray, stops: IntArray) -> BoolArray:
         """Return which spans contain a recording fault, or violate a constraint on donors."""

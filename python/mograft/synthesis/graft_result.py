@@ -12,7 +12,6 @@ from mograft.blend.foot_planting import FeetReport
 from mograft.blend.reach_completion import ReachCompletion
 from mograft.body.loops import is_loop
 from mograft.library.library import Library
-from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.scenario import Scenario, repetition
@@ -275,8 +274,10 @@ class Graft:
         for group in self.alternatives:
             lines += _group_lines(self, group, each=each)
         lines += [f"  changed {own}" for own in self.changes]
-        if any(own.is_held for own in self.changes) and is_loop(self.base):
-            lines += _loop_lines(self)
+        is_held = any(own.is_held for own in self.changes)
+        if is_held and is_loop(self.base) and not is_loop(self.motion):
+            text = "  the loop is open, because a changed part holds to its end; changes in frames"
+            lines.append(f"{text} 1-{self.base.n_frames - 2} keep it closed")
         lines += [f"  {violation.message}" for violation in self.violations]
         lines += [_repair_line(own) for own in self.self_repairs]
         feet = self.feet
@@ -291,18 +292,6 @@ class Graft:
                 f"by up to {feet.unreached:.4f} heights"
             )
         return "\n".join([*lines, *map(_reach_line, self.reach_completions)])
-
-
-def _loop_lines(graft: Graft) -> list[str]:
-    """Return a line if the motion is no loop any more."""
-    if is_loop(graft.motion):
-        return []
-    joints = np.concatenate([graft.library.joints(group) for group in graft.alternatives])
-    gap = rotations.angle(*graft.motion.rotations[[0, -1]][:, joints]).max()
-    return [
-        "  the loop is open: a changed part holds to its end, and the ends differ by "
-        f"{math.degrees(gap):.0f}°; changes in frames 1-{graft.base.n_frames - 2} keep it closed"
-    ]
 
 
 def _reach_line(completion: ReachCompletion) -> str:
