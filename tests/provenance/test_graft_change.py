@@ -254,9 +254,9 @@ def test_spans_of_other_clips_that_differ_clearly_precede_others(graft, start, n
 def test_change_without_donor_prefers_clips_without_donor_in_the_range(
     library, graft, start, n, changed, data
 ):
-    """Changes count as donors, also those of a part of the range, but not of other groups."""
+    """Changes of a part of the range count as donors, those before it or of other groups do not."""
     frames = (start, start + n)
-    if data.draw(st.booleans()):
+    if changed or data.draw(st.booleans()):
         graft = mg.graft(library, constraints=[mc.KeepOriginal()])
     first = start + data.draw(st.sampled_from([3, -6]))
     if changed:
