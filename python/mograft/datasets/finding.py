@@ -11,6 +11,7 @@ from mograft._util.validate import as_integer, check_type
 from mograft.blend.time_warp import gaps_in_band, warping_path
 from mograft.body.anatomy import feature_joints
 from mograft.datasets.executors import call_all
+from mograft.errors import suggest_frames
 from mograft.library.clip_keys import find_words
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -128,7 +129,7 @@ def find(
         frames = as_span("frames", frames)
         last = whole.entries[clip].n_frames - 1
         if frames[1] > last:
-            raise ValueError(f"`frames` must be within 0 to {last}, got {frames[0]}-{frames[1]}")
+            raise ValueError(f"`frames` must be within 0 to {last}, {suggest_frames(frames, last)}")
         own = own[overlaps(whole.segments[own], frames)]
     is_wanted = np.ones(len(library.segments), bool)
     if words is not None:

@@ -6,6 +6,7 @@ from itertools import islice
 
 from mograft._util.names import find_matches
 from mograft._util.validate import as_integer
+from mograft.errors import suggest_frames
 from mograft.library.library import Library
 from mograft.library.origin import is_partial
 from mograft.search.constraints import Constraint, Span, as_span, find_violations, overlaps
@@ -95,8 +96,8 @@ def change(
     part = ChangedPart.find(problem, group)
     if not span[0] < span[1] < graft.motion.n_frames:
         raise ValueError(
-            f"`frames` must be at least two frames from 0 to {graft.motion.n_frames - 1}, got "
-            f"{span[0]}-{span[1]}"
+            f"`frames` must be at least two frames from 0 to {graft.motion.n_frames - 1}, "
+            f"{suggest_frames(span, graft.motion.n_frames - 1, 1)}"
         )
     found = _choose(problem, graft, part, span, donor, as_integer("rank", rank))
     made = Change(
@@ -198,8 +199,8 @@ def _exact_span(library: Library, frames: Span, donor: tuple[str, int, int]) -> 
     n_frames = library.clips[clip].n_frames
     if not first < last < n_frames:
         raise ValueError(
-            f"`donor` must be at least two frames from 0 to {n_frames - 1} of {donor[0]}, got "
-            f"{first}-{last}"
+            f"`donor` must be at least two frames from 0 to {n_frames - 1} of {donor[0]}, "
+            f"{suggest_frames((first, last), n_frames - 1, 1)}"
         )
     ratio = (last - first) / (frames[1] - frames[0])
     if not 1 / MAX_RATIO <= ratio <= MAX_RATIO:

@@ -16,7 +16,7 @@ from mograft.body.groups import suggest_groups
 from mograft.body.loops import is_loop
 from mograft.body.size import resize
 from mograft.config import Config
-from mograft.errors import join_names, suggest_name
+from mograft.errors import join_names, suggest_frames, suggest_name
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -54,7 +54,7 @@ def check_frames(constraints: Sequence[Constraint], base: Motion) -> None:
         if constraint.frames is not None and constraint.frames[1] >= base.n_frames:
             raise ValueError(
                 f"frames of `{type(constraint).__name__}` must be within 0 to {base.n_frames - 1} "
-                f"({base.duration:.6g} s), got {constraint.frames[0]}-{constraint.frames[1]}"
+                f"({base.duration:.6g} s), {suggest_frames(constraint.frames, base.n_frames - 1)}"
             )
 
 
