@@ -101,6 +101,19 @@ def suggest_name(
     return f"; did you mean {prefix + close[0]!r}?" if close and close[0] != name else ""
 
 
+def suggest_frames(frames: tuple[int, int], last: int, shortest: int = 0) -> str:
+    """Return "got A-B; did you mean C-D?" for frames that end after the frame `last`.
+
+    C-D is the part of A-B up to `last`, or if that is not two frames, the last frames of a motion,
+    as many as in A-B, and at least `shortest` + 1. A range of one frame is written as A.
+    """
+    n = max(frames[1] - frames[0], shortest)
+    stop = min(frames[0] + n, last)
+    start = frames[0] if frames[0] + min(n, 1) <= stop else max(stop - n, 0)
+    given, meant = (f"{a}-{b}" if a < b else f"{a}" for a, b in (frames, (start, stop)))
+    return f"got {given}; did you mean {meant}?"
+
+
 def suggest_path(path: str | Path) -> str:
     """Return "; did you mean 'X'?" for a path that does not exist, or "".
 

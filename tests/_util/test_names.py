@@ -1,5 +1,6 @@
 """Names that patterns select: against the definition, and without work per pair."""
 
+import re
 from fnmatch import fnmatchcase
 
 import pytest
@@ -8,8 +9,28 @@ from hypothesis import strategies as st
 
 from mograft._util import names
 from mograft._util.names import find_matches
+from mograft.errors import suggest_frames
 
 NAMES = st.lists(st.text("ab[]*?|", max_size=3), max_size=6)
+
+
+@given(st.integers(0, 99), st.integers(0, 99), st.integers(1, 60), st.integers(0, 1))
+def test_suggest_frames_names_frames_that_exist_nearest_to_those_given(first, n, last, shortest):
+    """As many as fit, from the first given one, if that leaves two frames or enough."""
+    given_frames = (first, first + n)
+    text = suggest_frames(given_frames, last, shortest)
+    given_text, start, stop = re.fullmatch(
+        r"got ([\d-]+); did you mean (\d+)(?:-(\d+))?\?", text
+    ).groups()
+    start, stop = int(start), int(stop or start)
+    assert given_text == (f"{first}-{first + n}" if n else f"{first}")
+    assert 0 <= start <= stop <= last
+    assert stop - start >= min(max(n, shortest), 1)
+    wanted = max(n, shortest)
+    is_cut = first + min(wanted, 1) <= last
+    assert (start, stop) == (
+        (first, min(first + wanted, last)) if is_cut else (max(last - wanted, 0), last)
+    )
 
 
 @given(known=NAMES, patterns=NAMES)

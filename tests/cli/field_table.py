@@ -13,11 +13,14 @@ PAGE = Path(__file__).parents[2] / "docs" / "settings.md"
 
 
 def field_table():
-    """Return a table of all fields of `Config`, their defaults and meanings in Markdown."""
-    meanings = dict(_meanings())
+    """Return a table of all fields of `Config`, their defaults and meanings in Markdown.
+
+    Fields with one description in the docstring of `Config` share a row.
+    """
     return HEAD + "".join(
-        f"| `{field.name}` | {_shown(getattr(Config(), field.name))} | {meanings[field.name]} |\n"
-        for field in fields(Config)
+        f"| {', '.join(f'`{name}`' for name in names)} "
+        f"| {', '.join(_shown(getattr(Config(), name)) for name in names)} | {meaning} |\n"
+        for names, meaning in _meanings()
     )
 
 
@@ -28,17 +31,20 @@ def _shown(value):
 
 
 def _meanings():
-    """Yield each field with the first sentence of its description in the docstring of `Config`.
+    """Yield the names of fields and the first sentence of their description, in their order.
 
     The allowed words of a field follow in parentheses.
     """
     text = inspect.cleandoc(Config.__doc__).partition("Parameters\n")[2]
-    for names, body in re.findall(r"^(\w[\w, ]*) :.*\n((?:    .*\n)+)", text, re.MULTILINE):
+    documented = []
+    for listed, body in re.findall(r"^(\w[\w, ]*) :.*\n((?:    .*\n)+)", text, re.MULTILINE):
+        names = listed.split(", ")
         sentence = re.split(r"(?<=[.:;])(?<!eq\.) (?=[A-Z\"\d`])", " ".join(body.split()))[0]
-        for name in names.split(", "):
-            words = CHOICES.get(name, ())
-            allowed = f" ({', '.join(words)})" if words else ""
-            yield name, sentence.rstrip(".:").replace("|", "\\|") + allowed
+        words = [word for name in names for word in CHOICES.get(name, ())]
+        allowed = f" ({', '.join(words)})" if words else ""
+        documented += names
+        yield names, sentence.rstrip(".:").replace("|", "\\|") + allowed
+    assert documented == [field.name for field in fields(Config)], documented
 
 
 if __name__ == "__main__":

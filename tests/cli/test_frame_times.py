@@ -32,6 +32,14 @@ def test_range_is_accepted_only_if_ascending(first, last, suffix):
         assert resolve_frames(frames(text), 7.0) == (factor * first, factor * last)
 
 
+@given(NUMBERS, st.sampled_from(["", "s"]), st.sampled_from(["", "=wave", "=a-b:3-9"]))
+def test_change_without_last_frame_reads_as_with_it_but_for_the_end(first, suffix, donor):
+    group, span, chosen = values.change(f"larm@{first}{suffix}-{donor}")
+    whole = values.change(f"larm@{first}{suffix}-{first + 1}{suffix}{donor}")
+    assert (group, (span[0], whole[1][1]), chosen) == whole
+    assert span[1] is None
+
+
 @given(st.text(alphabet="0123456789.s-e+_ ", max_size=6))
 def test_frame_accepts_digits_and_one_point_only(text):
     digits = text.removesuffix("s")

@@ -261,6 +261,16 @@ def test_graft_from_with_edits_prints_changes_and_records_the_command(run, first
     assert document["edits"][0]["command"].endswith("--ban 55")
 
 
+@pytest.mark.parametrize("start", ["300", "10s"])
+def test_graft_change_to_the_end_equals_the_one_to_the_last_frame(succeed, first, tmp_path, start):
+    words = ["graft", "--from", first.with_suffix(".json"), "--change"]
+    for end in ("", "599" if start == "300" else "19.96s"):
+        succeed(*words, f"larm@{start}-{end}=b:10-280", "-o", tmp_path / f"to{end}.bvh")
+    one, other = (path.read_bytes() for path in sorted(tmp_path.glob("*.bvh")))
+    assert one == other
+    assert json.loads((tmp_path / "to.json").read_text())["changes"][0]["frames"] == [300, 599]
+
+
 def test_graft_changes_vary_where_other_parts_exist(succeed, folder, tmp_path):
     """A range with frames of its own keeps them in every version; alone, it has one version."""
     fixed, free = "upper@20-90=b:10-70", "upper@100-130"

@@ -49,7 +49,9 @@ MISTAKES = [
     ("evaluate a.bvh --runs 0", USAGE, "--runs: must be an integer of at least 1, got 0"),
     ("evaluate a.bvh qualiti", USAGE, "got qualiti; did you mean 'quality'?"),
     ("graft a.bvh -o x --base othr.bvh", RUNTIME, "got 'othr.bvh'; did you mean 'other.bvh'?"),
-    ("graft a.bvh -o x --take 3=a:5-9", RUNTIME, "donor of --take must be a segment of a, got 5-9"),
+    ("graft a.bvh -o x --take 3=a:5-9", RUNTIME, "got 5-9; most of frames 5-9 "),
+    ("graft a.bvh -o x --take 299=a:0-9", RUNTIME, "got 299; frame 299 is in segment "),
+    ("graft a.bvh -o x --take 300=a:0-9", RUNTIME, "got 300; the last frame is 299, in segment "),
     ("graft a.bvh -o x --ban 999=a", RUNTIME, "segment of --ban must be 0 to"),
     ("graft a.bvh -o x --set seem=offset", USAGE, "'seem' is no field of Config; did you mean"),
     ("graft a.bvh -o x --set variety=1", USAGE, "no field of Config; `variety` sets"),
@@ -101,6 +103,9 @@ MISTAKES = [
     ("curate lib --part arms", RUNTIME, "--groups lower_torso_arms, of files or"),
     ("candidates lib --segment 1 --group arms", RUNTIME, "lower_torso_arms, of files or"),
     ("graft lib -o x --swap arms", RUNTIME, "--groups lower_torso_arms, of files or"),
+    *((f"{words} tags.csv{rest}", INVALID, "other tables are no motions, which are .bvh, .glb, "
+       ".fbx or .npz: one of clips and their tags is for mograft index --tags ") for words, rest
+      in (("check", ""), ("info", ""), ("graft", " -o x"), ("view", " -o x.html"))),
     ("info text", INVALID, "text: expected a motion file (.bvh, .glb, .gltf, .fbx, .npz, .csv, "),
     ("graft text -o x", INVALID, "text: expected a motion file (.bvh, .glb, .gltf, .fbx, .npz"),
     ("info zzzzzz.bvh", RUNTIME, "or directory; the folder has a.bvh, b.bvh, broken.bvh"),
@@ -242,6 +247,7 @@ def mistakes_folder(tmp_path_factory):
     head = text[: text.index("Frames:")]
     (folder / "zero.bvh").write_text(f"{head}Frames: 0\nFrame Time: 0.033\n")
     (folder / "text").write_text("text")
+    (folder / "tags.csv").write_text("clip,tags\nwalk,slow\n")
     (folder / "robot.xml").write_text(ROBOT)
     (folder / "empty").mkdir()
     sources = [folder / "clips" / f"{name}.bvh" for name in ("dance", "walk")]

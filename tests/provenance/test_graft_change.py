@@ -11,12 +11,14 @@ from hypothesis import strategies as st
 import mograft as mg
 import mograft.constraints as mc
 from mograft._util.runs import dilate
+from mograft.body.loops import is_loop
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.provenance.graft_change import plan_of
 from mograft.search.costs import NOVEL_ANGLE
-from mograft.solve.donor_spans import MAX_RATIO, ChangedPart, find_donor_spans
+from mograft.solve.donor_spans import DISTINCT_ANGLE, MAX_RATIO, ChangedPart, find_donor_spans
 from tests.strategies import SEEDS, few_examples
+from tests.synthesis.test_loops import library_of_cycles
 
 
 @pytest.fixture(scope="module")
@@ -216,6 +218,107 @@ def test_change_of_part_of_a_group_moves_no_other_joint(start, n, name):
     check_replays(changed)
 
 
+def span_differences(problem, motion, frames, spans):
+    """The mean angles between spans and a range of a motion, of the joints of "larm" (oracle)."""
+    joints, rows = problem.library.joints("larm"), np.round(np.linspace(*frames, 8)).astype(int)
+    found = []
+    for own in spans:
+        times = np.round(np.linspace(0, own.stop - own.start, 8)).astype(int) + own.start
+        poses = problem.library.clips[own.clip].rotations[times][:, joints]
+        found.append(rotations.angle(motion.rotations[rows][:, joints], poses).mean())
+    return np.array(found)
+
+
+@few_examples(10)
+@given(st.integers(0, 640), st.integers(12, 59), st.sampled_from([{0}, {1}]))
+def test_spans_of_other_clips_that_differ_clearly_precede_others(graft, start, n, present):
+    problem, frames = plan_of(graft, ()).problem, (start, start + n)
+    part = ChangedPart.find(problem, "larm")
+    spans = list(find_donor_spans(problem, graft.motion, part, frames, None, present))
+    differences = span_differences(problem, graft.motion, frames, spans)
+    is_clear = np.abs(differences - DISTINCT_ANGLE) > 1e-6
+    ranks = [
+        (bool(angle < DISTINCT_ANGLE), own.clip in present)
+        for angle, own in zip(differences, spans, strict=True)
+    ]
+    assert [r for r, own in zip(ranks, is_clear, strict=True) if own] == sorted(
+        r for r, own in zip(ranks, is_clear, strict=True) if own
+    )
+    for rank in set(ranks):
+        costs = [own.cost for own, given in zip(spans, ranks, strict=True) if given == rank]
+        assert not is_clear.all() or costs == sorted(costs)
+
+
+@few_examples(12)
+@given(st.integers(6, 640), st.integers(12, 59), st.sampled_from(["larm", "rarm", ""]), st.data())
+def test_change_without_donor_prefers_clips_without_donor_in_the_range(
+    library, graft, start, n, changed, data
+):
+    """Changes of a part of the range count as donors, those before it or of other groups do not."""
+    frames = (start, start + n)
+    if changed or data.draw(st.booleans()):
+        graft = mg.graft(library, constraints=[mc.KeepOriginal()])
+    first = start + data.draw(st.sampled_from([3, -6]))
+    if changed:
+        graft = mg.change(graft, changed, (first, first + 6), ("second", 40, 46))
+    used = {
+        library.names.index(own.clip)
+        for own in graft.substitutions
+        if own.group == "larm" and own.start < frames[1] and own.stop > start
+    } | ({1} if changed == "larm" and first > start else set())
+    problem = plan_of(graft, ()).problem
+    part = ChangedPart.find(problem, "larm")
+    spans = list(find_donor_spans(problem, graft.motion, part, frames))
+    is_near = span_differences(problem, graft.motion, frames, spans) < DISTINCT_ANGLE
+    ranks = [(near, own.clip in used, own.cost) for near, own in zip(is_near, spans, strict=True)]
+    expected = spans[ranks.index(min(ranks))]
+    made = mg.change(graft, "larm", frames).changes[-1]
+    assert (made.clip, *made.clip_frames) == (
+        library.names[expected.clip],
+        expected.start,
+        expected.stop,
+    )
+
+
+@pytest.fixture(scope="module")
+def loops():
+    """A library of loops on nearly the same legs."""
+    return library_of_cycles(3)
+
+
+RANGES_AT_ENDS = st.just((0, 32)) | st.integers(12, 31).flatmap(
+    lambda length: st.sampled_from([(0, length), (32 - length, 32)])
+)
+
+
+@few_examples(12)
+@given(st.integers(0, 9), st.integers(0, 5), RANGES_AT_ENDS)
+def test_named_part_holds_to_the_ends_of_a_loop_and_the_report_states_it(
+    loops, seed, which, frames
+):
+    donor = loops.clips[which]
+    changed = mg.change(mg.graft(loops, seed=seed), "arms", frames, (donor.name, *frames))
+    preset = mg.JointGroups.preset("lower_torso_arms", loops.skeleton)
+    joints = preset.resolve(loops.skeleton)["arms"]
+    at, edge = np.arange(33), 2 * int(np.ceil((frames[1] - frames[0]) / 4)) + 1
+    is_held = at >= frames[0] + edge * (frames[0] > 0)
+    is_held &= at <= frames[1] - edge * (frames[1] < 32)
+    angles = rotations.angle(changed.motion.rotations[is_held], donor.rotations[is_held])
+    assert angles[:, joints].max() < 1e-6
+    assert ("the loop is open" in changed.report()) == (not is_loop(changed.motion))
+    check_replays(changed)
+
+
+@few_examples(6)
+@given(st.integers(0, 9), RANGES_AT_ENDS, st.sampled_from([None, ("other2", 2, 25)]))
+def test_change_without_donor_or_with_loop_on_closes_the_loop(loops, seed, frames, donor):
+    config = replace(loops.config, max_angle=3.0, loop="on" if donor else "auto")
+    changed = mg.change(mg.graft(loops.relabelled(config), seed=seed), "upper", frames, donor)
+    assert rotations.angle(*changed.motion.rotations[[0, -1]]).max() < np.radians(0.01)
+    assert "the loop is open" not in changed.report()
+    check_replays(changed)
+
+
 def test_change_respects_constraints_on_donors(graft):
     only = mg.change(graft, "larm", (150, 200), constraints=[mc.OnlyFrom("second")])
     assert only.changes[0].clip == "second"
@@ -341,6 +444,9 @@ def test_replay_with_other_blending_keeps_donors_and_replays(library, graft, dat
     other = mg.replay(mg.graft_record(edited), library, config=config)
     assert all((other.donors[name] == own).all() for name, own in edited.donors.items())
     assert other.changes == edited.changes
+    assert mg.advise(other) == mg.advise(edited)
+    for name, counts in edited.alternatives.items():
+        np.testing.assert_array_equal(other.alternatives[name], counts)
     assert (other.motion.rotations != edited.motion.rotations).any()
     check_replays(other)
 

@@ -265,7 +265,7 @@ def test_replace_in_scenario_numbers_segments_of_the_scenario(library):
         ([], {}, "`edits` must be one constraint or more"),
         ([mc.Use(999, 3)], {}, "`segment` of Use must be 0 to"),
         ([mc.Ban(999)], {}, "`segment` of Ban must be 0 to"),
-        ([mc.Ban(frames=(9000, 9010))], {}, "`frames` must be within frames 0 to 699, got 9000-"),
+        ([mc.Ban(frames=(9000, 9010))], {}, "`frames` must be within 0 to 699, got 9000-"),
         ([mc.KeepOriginal(frames=(9000, 9010))], {}, "`frames` must be within .*, got 9000-"),
         ([mc.Use(3, ("secnd", 0, 9))], {}, "did you mean 'second'"),
         ([mc.Ban(3, group="uper")], {}, "`group` of Ban must be .*; did you mean 'upper'"),

@@ -1,6 +1,7 @@
 """Properties of constraints: their errors, the grafts that satisfy them, and violations."""
 
 import pickle
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -12,6 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import mograft as mg
 import mograft.constraints as mc
+from mograft._util.names import unique_names
 from mograft.dancer import dance
 from mograft.search.constraints import find_violations, overlaps
 from mograft.search.donor_choice import cost_model
@@ -20,7 +22,7 @@ from mograft.solve.assembly import assemble, donor_excess, donor_excesses
 from mograft.solve.donor_repair import repair_donors
 from mograft.solve.donor_trellis import build_trellis, candidate_poses
 from mograft.solve.finish import find_donor_violations
-from mograft.solve.search_problem import SearchProblem
+from mograft.solve.search_problem import SearchProblem, resolve_segments
 from tests.oracles.capsules import capsule_distances
 from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, vectors
 
@@ -280,6 +282,29 @@ def test_only_from_selects_clips_by_name_or_tag(tags, wanted_tags, wanted_clips)
     assert_array_equal(including > 1, np.logical_not(is_selected))
 
 
+@given(st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 2)), min_size=1), st.data())
+def test_clips_of_copies_of_a_file_are_selected_together(given_files, data):
+    """Files of a name and content are one; their mirror images are others."""
+    names = unique_names([name for name, _ in given_files])
+    files = [SimpleNamespace(sha256=f"{content}", clip=None) for _, content in given_files]
+    clips = [
+        SimpleNamespace(name=f"{name}{end}", tags=(), source_file=file)
+        for end in ("", "_mirrored")
+        for name, file in zip(names, files, strict=True)
+    ]
+    n, which = len(clips), data.draw(st.integers(0, len(clips) - 1))
+    same = [own == given_files[which % len(names)] for own in given_files]
+    is_image = np.arange(n) >= len(names)
+    expected = np.tile(same, 2) & (is_image == is_image[which])
+    captured = mg.Segments([0] * n, [9] * n, [n] * n)
+    donors = mg.Segments([5] * n, [9] * n, range(n))
+    for constraint, is_excluded in (
+        (mc.NotFrom(clips[which].name), expected),
+        (mc.OnlyFrom([clips[which].name]), ~expected),
+    ):
+        assert_array_equal(constraint.donor_errors(captured, donors, clips) > 1, is_excluded)
+
+
 @pytest.mark.parametrize("kind", [mc.OnlyFrom, mc.NotFrom])
 def test_clips_of_a_constraint_are_resolved_once_for_each_library(library, monkeypatch, kind):
     resolved, select = [], kind._select_clips
@@ -329,6 +354,53 @@ def test_only_from_frames_of_one_segment_restricts_it_alone(library, seed):
     is_candidate = donor in free[position]
     found = find_donor_violations(problem, problem.captured_donors)
     assert [violation.frames for violation in found] == ([] if is_candidate else [frames])
+
+
+@given(st.data())
+def test_message_about_a_wrong_segment_names_the_one_with_most_of_the_frames(library, data):
+    """The frames that it suggests are accepted."""
+    clip = data.draw(st.integers(0, 1))
+    own = library.segments[library.segments.of_clip(clip)]
+    last = int(own.stop[-1])
+    first = data.draw(st.integers(0, last + 9))
+    frames = first, first + data.draw(st.integers(0, 40))
+    assume(not ((own.start == frames[0]) & (own.stop == frames[1])).any())
+    name = library.names[clip]
+    cut = library.segments[library.segments.of_clip(0)]
+    with pytest.raises(ValueError, match=r"did you mean \d+-\d+\?$") as caught:
+        resolve_segments([mc.Use(0, (name, *frames))], ["upper"], cut, library)
+    number, start, stop = map(
+        int, re.search(r"in segment (\d+), frames (\d+)-(\d+);", str(caught.value)).groups()
+    )
+    assert (own.start[number], own.stop[number]) == (start, stop)
+    # Frame by frame; the frame that two segments share belongs to the later one.
+    numbers = np.searchsorted(own.start, np.arange(frames[0], frames[1] + 1), "right") - 1
+    numbers = numbers[np.arange(frames[0], frames[1] + 1) <= last]
+    if first > last:
+        assert f"the last frame is {last}" in str(caught.value)
+        assert number == len(own) - 1
+    elif first < last:
+        counts = np.bincount(np.minimum(numbers, len(own) - 1), minlength=len(own))
+        assert counts[number] == counts.max()
+    resolve_segments([mc.Use(0, (name, start, stop))], ["upper"], cut, library)
+
+
+@given(st.integers(0, 400))
+def test_message_about_a_segment_beyond_the_last_maps_it_as_a_frame(library, beyond):
+    cut = library.segments[library.segments.of_clip(0)]
+    number = len(cut) + beyond
+    with pytest.raises(ValueError, match=f"0 to {len(cut) - 1}, got {number}; ") as caught:
+        resolve_segments([mc.Use(number, ("second", 0, 9))], ["upper"], cut, library)
+    holder = int(re.search(r"did you mean (\d+)\?$", str(caught.value))[1])
+    last = int(cut.stop[-1])
+    expected = (
+        int(np.searchsorted(cut.start, number, "right")) - 1 if number < last else len(cut) - 1
+    )
+    assert holder == expected
+    where = f"frame {number} is in" if number <= last else f"the last frame is {last}, in"
+    assert f"{where} segment {holder}, frames {cut.start[holder]}-{cut.stop[holder]}" in str(
+        caught.value
+    )
 
 
 def test_only_from_without_candidate_is_violation(library):
@@ -404,7 +476,7 @@ def test_use_in_repair_changes_segment(library):
         (lambda: mc.Use(99999, 3), "`segment` of Use must be 0 to .*, got 99999"),
         (lambda: mc.Ban(3, 99999), "`donor` of Ban must be 0 to .*, got 99999"),
         (lambda: mc.Ban(3, "secnd"), "`donor` of Ban .*; got 'secnd'; did you mean 'second'"),
-        (lambda: mc.Use(3, ("second", 0, 1)), "`donor` of Use .* of second, got 0-1; the nearest"),
+        (lambda: mc.Use(3, ("second", 0, 1)), "`donor` of Use .* of second, got 0-1; most of"),
         (lambda: mc.Use(frames=(0, 1), donor=3), "`frames` of Use must be a segment of the base"),
         (lambda: mc.Ban(3, ("second", 99990, 99999)), "`donor` of Ban must be a segment of second"),
     ],

@@ -9,7 +9,7 @@ from pathlib import Path
 from mograft._util.names import find_matches
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.values import Range, resolve_frames
-from mograft.errors import join_names
+from mograft.errors import join_names, suggest_frames
 from mograft.io.formats import split_address
 from mograft.library.discover import FoundClip, exclude_grafts, find_clips, scan_folder
 from mograft.library.library import Library
@@ -114,7 +114,8 @@ def frame_range(motion: Motion, given: Range | None) -> tuple[int, int]:
     if last >= motion.n_frames or first == last:
         raise ValueError(
             f"--frames must be two or more frames within 0-{motion.n_frames - 1}, the frames of "
-            f"{motion.name} ({motion.duration:.6g} s), got {first}-{last}"
+            f"{motion.name} ({motion.duration:.6g} s), "
+            f"{suggest_frames((first, last), motion.n_frames - 1, 1)}"
         )
     return first, last
 

@@ -6,9 +6,10 @@ from itertools import islice
 
 from mograft._util.names import find_matches
 from mograft._util.validate import as_integer
+from mograft.errors import suggest_frames
 from mograft.library.library import Library
 from mograft.library.origin import is_partial
-from mograft.search.constraints import Constraint, Span, as_span, find_violations
+from mograft.search.constraints import Constraint, Span, as_span, find_violations, overlaps
 from mograft.solve.donor_spans import (
     MAX_RATIO,
     ChangedPart,
@@ -36,7 +37,9 @@ def change(
     """Return `graft` with the motion of a part of a clip for one group, in a range of frames.
 
     Range and part begin and end at any frame, also inside of segments. The part is stretched to
-    the length of the range, and the seams at both ends are closed within the range.
+    the length of the range, and the seams at both ends are closed within the range. In a loop, a
+    part of a named clip holds to the first and last frame, and the loop stays open if its ends then
+    differ; without `donor`, or with ``Config(loop="on")``, the loop is closed.
 
     Parameters
     ----------
@@ -49,7 +52,9 @@ def change(
         First and last frame of the range, both included.
     donor : str or tuple of (str, int, int), optional
         The clip of the donor, or a pattern such as ``"wave*"`` for several; or a clip with its
-        first and last frame. Default: all clips, without parts in which the group moves as now.
+        first and last frame. Default: all clips, without parts in which the group moves as now;
+        parts that differ by 15 degrees or more from the present one come first, and of these, the
+        parts of clips that have no donor in the range.
     constraints : sequence of Constraint, optional
         Further constraints. Those on donors limit the parts that are compared. Of these parts, the
         first that satisfies all hard constraints on poses, of `graft` and here, is taken, or
@@ -91,8 +96,8 @@ def change(
     part = ChangedPart.find(problem, group)
     if not span[0] < span[1] < graft.motion.n_frames:
         raise ValueError(
-            f"`frames` must be at least two frames from 0 to {graft.motion.n_frames - 1}, got "
-            f"{span[0]}-{span[1]}"
+            f"`frames` must be at least two frames from 0 to {graft.motion.n_frames - 1}, "
+            f"{suggest_frames(span, graft.motion.n_frames - 1, 1)}"
         )
     found = _choose(problem, graft, part, span, donor, as_integer("rank", rank))
     made = Change(
@@ -101,6 +106,7 @@ def change(
         frames=span,
         clip=problem.library.entries[found.clip].name,
         clip_frames=(found.start, found.stop),
+        is_held=found.is_held,
     )
     source = replace(source, request=replace(graft.request, constraints=problem.constraints))
     return apply_changes(source, problem, (*graft.changes, made))
@@ -117,7 +123,7 @@ def apply_changes(graft: Graft, problem: SearchProblem, changes: Sequence[Change
         return graft
     motion, names = graft.motion, problem.library.names
     for own in changes:
-        span = DonorSpan(names.index(own.clip), *own.clip_frames)
+        span = DonorSpan(names.index(own.clip), *own.clip_frames, is_held=own.is_held)
         part = ChangedPart.find(problem, own.part or own.group)
         motion = insert_span(problem, motion, part, own.frames, span)
     return replace(
@@ -153,8 +159,9 @@ def _choose(
         return _exact_span(library, frames, donor)
     if donor is not None:
         within = find_matches("donor", donor, library.names)
+    present = _clips_in_use(graft, problem, part.group, frames) if donor is None else ()
     hard = [own for own in problem.pose_constraints if own.is_hard]
-    found = find_donor_spans(problem, motion, part, frames, within)
+    found = find_donor_spans(problem, motion, part, frames, within, present)
     spans = list(islice(found, rank + (_MAX_TRIALS if hard else 1)))
     if len(spans) <= rank:
         n, what = frames[1] - frames[0], "all clips" if donor is None else repr(donor)
@@ -176,6 +183,15 @@ def _choose(
     return spans[sorted(errors)[rank][1]]
 
 
+def _clips_in_use(graft: Graft, problem: SearchProblem, group: str, frames: Span) -> set[int]:
+    """Return the clips from which a graft has a group in a range of frames."""
+    segments, names = problem.library.segments, problem.library.names
+    own = [own for own in graft.changes if own.group == group]
+    changed = [c for c in own if c.frames[0] < frames[1] and c.frames[1] > frames[0]]
+    donors = graft.donors[group][overlaps(problem.base_segments, frames)]
+    return {*segments.clip[donors].tolist(), *(names.index(own.clip) for own in changed)}
+
+
 def _exact_span(library: Library, frames: Span, donor: tuple[str, int, int]) -> DonorSpan:
     """Return the span of `donor`, a clip with its first and last frame."""
     clip = find_matches("donor", donor[0], library.names)[0]
@@ -183,8 +199,8 @@ def _exact_span(library: Library, frames: Span, donor: tuple[str, int, int]) -> 
     n_frames = library.clips[clip].n_frames
     if not first < last < n_frames:
         raise ValueError(
-            f"`donor` must be at least two frames from 0 to {n_frames - 1} of {donor[0]}, got "
-            f"{first}-{last}"
+            f"`donor` must be at least two frames from 0 to {n_frames - 1} of {donor[0]}, "
+            f"{suggest_frames((first, last), n_frames - 1, 1)}"
         )
     ratio = (last - first) / (frames[1] - frames[0])
     if not 1 / MAX_RATIO <= ratio <= MAX_RATIO:
@@ -192,4 +208,4 @@ def _exact_span(library: Library, frames: Span, donor: tuple[str, int, int]) -> 
             f"`donor` must be at most {MAX_RATIO:g} times as long or as short as the range "
             f"{frames[0]}-{frames[1]}, got {first}-{last}"
         )
-    return DonorSpan(clip, first, last)
+    return DonorSpan(clip, first, last, is_held=True)

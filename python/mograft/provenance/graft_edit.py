@@ -11,7 +11,7 @@ from mograft._util.arrays import BoolArray
 from mograft._util.runs import dilate, find_runs
 from mograft._util.validate import as_integer
 from mograft.blend.recombine import splice
-from mograft.errors import join_names
+from mograft.errors import join_names, suggest_frames
 from mograft.library.origin import is_partial
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -175,9 +175,7 @@ def _resolve_edits(
     for frames in (own.frames for own in rules if own.frames is not None):
         if not overlaps(cut, frames).any():
             last = cut.stop[-1]
-            raise ValueError(
-                f"`frames` must be within frames 0 to {last}, got {frames[0]}-{frames[1]}"
-            )
+            raise ValueError(f"`frames` must be within 0 to {last}, {suggest_frames(frames, last)}")
     return rules
 
 

@@ -63,6 +63,11 @@ class GraftRecord:
     donors: tuple[DonorRecord, ...]
     edits: tuple[tuple[DonorRecord, ...], ...]  # the donors that each edit replaced
 
+    @property
+    def has_own_config(self) -> bool:
+        """Whether `config` is that of the document."""
+        return Config.from_dict(self.document["config"]) == self.config
+
     def error(self, message: str) -> ProvenanceError:
         """Return an error that names the document."""
         return ProvenanceError(f"{self.label}: {message}")

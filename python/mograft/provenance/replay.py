@@ -117,18 +117,15 @@ def _replay(record: GraftRecord, library: Library | None, sources: Sequence[str]
     plan = GraftPlan.build(recorded.library, recorded.base, groups, (), scenario)
     versions = _find_versions(record, recorded, plan)
     request = _read_request(record, sources)
-    is_same = Config.from_dict(record.document["config"]) == record.config
-    graft = _finish_versions(record, plan, versions, request.constraints, is_same=is_same)
+    graft = _finish_versions(record, plan, versions, request.constraints)
     graft = apply_changes(graft, plan.problem, _read_changes(record, plan))
     expected, found = record.document["poses_sha256"], hash_poses(graft.motion)
-    if is_same and expected != found:
+    if record.has_own_config and expected != found:
         raise record.error(
             f"the motion differs from that of the provenance: SHA-256 of its poses {found}, "
             f"expected {expected}; another version of mograft made it"
         )
     request = replace(request, scenario=plan.scenario)
-    if not is_same:
-        return replace(graft, request=request)
     if graft.unchanged is not None:
         graft = replace(graft, unchanged=_with_recorded(graft.unchanged, record, request))
     return _with_recorded(graft, record, request)
@@ -195,15 +192,14 @@ def _finish_versions(
     plan: GraftPlan,
     versions: Sequence[DonorSequences],
     constraints: Sequence[Constraint],
-    *,
-    is_same: bool,
 ) -> Graft:
     """Return the graft of the last donors; the edits are made one after the other.
 
     In each version, inverse kinematics moves only the limbs that it moved according to `record`, if
-    the configuration `is_same`.
+    that has its own configuration.
     """
     document, seed = record.document, int(record.document["seed"])
+    is_same = record.has_own_config
     recorded = [_read_completions(own, constraints) for own in [*document["edits"], document]]
     every = [own for own in constraints if type(own) is Reach and own.weight != 0]
     completions: list[tuple[ReachCompletion, ...]] = []
@@ -248,13 +244,17 @@ def _read_request(record: GraftRecord, sources: Sequence[str]) -> GraftRequest:
 
 
 def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> Graft:
-    """Return the graft with the recorded results of the search, which replay does not repeat."""
+    """Return the graft with the recorded results of the search, which replay does not repeat.
+
+    Those that depend on blending, too, are left out if the record has another configuration.
+    """
     costs = {(own.group, own.frames): own.cost for own in record.donors}
     alternatives = {
         group: np.array([own.alternatives for own in record.donors if own.group == group])
         for group in graft.alternatives
     }
     document = record.document
+    blended = document if record.has_own_config else {"violations": (), "self_repair": ()}
     return replace(
         graft,
         substitutions=tuple(
@@ -263,9 +263,9 @@ def _with_recorded(graft: Graft, record: GraftRecord, request: GraftRequest) -> 
         ),
         alternatives=alternatives,
         violations=tuple(
-            _read_violation(own, request.constraints) for own in document["violations"]
+            _read_violation(own, request.constraints) for own in blended["violations"]
         ),
-        self_repairs=tuple(_read_repair(own) for own in document["self_repair"]),
+        self_repairs=tuple(_read_repair(own) for own in blended["self_repair"]),
         remarks=tuple(map(str, document["remarks"])),
         request=request,
     )

@@ -59,6 +59,13 @@ class SegmentParts:
             return first, last
         return first[:, columns], last[:, columns]
 
+    @cached_property
+    def _by_spread(self) -> list[int]:
+        """The compared columns; those of which most pairs of segments differ come first."""
+        poses = self.boundary.first
+        spread = poses[:: max(len(poses) // 1000, 1)].std(axis=0).sum(axis=1)
+        return sorted(self._compared.values(), key=lambda column: -float(spread[column]))
+
     def poses(self, samples: Samples) -> FloatArray:
         """Return the rotations of the group in samples, (n_segments, n_samples, n_joints, 4)."""
         restricted = restrict_samples(samples, self.skeleton, self.channels)
@@ -72,7 +79,7 @@ class SegmentParts:
         (n,).
         """
         near = np.flatnonzero(base != donors)
-        for column in self._compared.values():
+        for column in self._by_spread:
             for ends in (self.boundary.first, self.boundary.last):
                 pairs = ends[base[near], column], ends[donors[near], column]
                 near = near[_are_same(*pairs)]

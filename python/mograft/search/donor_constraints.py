@@ -1,5 +1,6 @@
 """Constraints on donors and seams: source clip, stretch and seam angle."""
 
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -103,8 +104,11 @@ class _ClipConstraint(Constraint):
 
     def _select_clips(self, clips: Sequence[Clip]) -> BoolArray:
         """Return which clips the names and tags select."""
-        selected = np.zeros(len(clips), bool)
-        selected[find_matches("clips", _as_names(self.clips), [clip.name for clip in clips])] = True
+        found = find_matches("clips", _as_names(self.clips), [clip.name for clip in clips])
+        contents = [_content_of(clip) for clip in clips]
+        named = {contents[index] for index in found} - {None}
+        selected = np.array([own in named for own in contents], bool)
+        selected[found] = True
         for tag in _as_names(self.tags):
             tagged = [tag in clip.tags for clip in clips]
             if not any(tagged):
@@ -136,7 +140,8 @@ class OnlyFrom(_ClipConstraint):
     Parameters
     ----------
     clips : str or sequence of str
-        Names of clips, or patterns such as ``"waltz*"``.
+        Names of clips, or patterns such as ``"waltz*"``. The clips of copies of a file, such as
+        ``"waltz~2"``, are selected together.
     tags : str or collection of str
         Tags of clips; a clip with one of them is selected, in addition to `clips`.
     clip_frames : tuple of int, optional
@@ -168,7 +173,7 @@ class NotFrom(_ClipConstraint):
     Parameters
     ----------
     clips : str or sequence of str
-        Names of clips, or patterns such as ``"walk*"``.
+        Names of clips, or patterns such as ``"walk*"``; see `OnlyFrom`.
     tags : str or collection of str
         Tags of clips; a clip with one of them is selected, in addition to `clips`.
     clip_frames : tuple of int, optional
@@ -316,6 +321,15 @@ class Ban(_SegmentConstraint):
         """As `Constraint.describe_error`."""
         donor = "the captured part" if self.donor is None else self._describe_donor()
         return f"excluded donor: {donor}"
+
+
+def _content_of(clip: Clip) -> tuple[str, str, str | None] | None:
+    """Return what a clip of a file has in common with the clips of copies of the file.
+
+    The names of these differ by the numbers of `unique_names`. Return None without a file.
+    """
+    file = getattr(clip, "source_file", None)
+    return file and (re.sub(r"~\d+", "", clip.name), file.sha256, file.clip)
 
 
 def _as_clip_span(donor: object) -> tuple[str, int, int]:

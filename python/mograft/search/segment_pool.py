@@ -118,11 +118,16 @@ class SegmentPool:
         `FEWEST_DONORS` possible donors, the nearest possible donors up to that number are added,
         at distances of at most `Neighbourhood.reach` radii.
         """
+        return self._search(base, config)[0]
+
+    def _search(self, base: IntArray, config: Config) -> tuple[list[IntArray], list[IntArray]]:
+        """Return the `neighbours`, and those of them that can be donors, and the base segment."""
         neighbourhood = NEIGHBOURHOODS[config.neighbourhood]
         found = neighbourhood.find_members(self.labels, self.points, self.sigma, base)
+        fitting = self._keep_fitting(base, found, config)
         if neighbourhood.reach == 1.0:
-            return found
-        counts = np.array([len(own) - 1 for own in self._keep_fitting(base, found, config)])
+            return found, fitting
+        counts = np.array([len(own) - 1 for own in fitting])
         lacking = np.flatnonzero(counts < FEWEST_DONORS)
         radius, wanting = neighbourhood.reach * self.sigma, base[lacking]
         reached = neighbourhood.find_members(self.labels, self.points, radius, wanting)
@@ -131,8 +136,10 @@ class SegmentPool:
             others = donors[donors != segment]
             distances = self.distances(np.full(len(others), segment), others)
             nearest = others[np.argsort(distances, kind="stable")[:FEWEST_DONORS]]
-            found[index] = np.union1d(found[index], nearest)
-        return found
+            found[index], fitting[index] = (
+                np.union1d(own[index], nearest) for own in (found, fitting)
+            )
+        return found, fitting
 
     def candidate_lists(
         self, scenario: IntArray, config: Config, model: CostModel | None = None
@@ -151,8 +158,15 @@ class SegmentPool:
         lists: list[IntArray] = []
         for start in range(0, len(scenario), POSITIONS_PER_BATCH):
             positions = scenario[start : start + POSITIONS_PER_BATCH]
-            neighbours = self.neighbours(positions, config)
-            lists += self._keep_fitting(positions, neighbours, config, model)
+            fitting = self._search(positions, config)[1]
+            if model is not None:
+                for few in _batches(fitting):
+                    pairs = _pairs(positions[few], fitting[few])
+                    costs = self.preselection_costs(*pairs, model)
+                    fitting[few], _ = model.keep_cheapest_of_each(
+                        positions[few], fitting[few], costs, PRESELECTION
+                    )
+            lists += fitting
         for own in lists:
             make_read_only(own)
         if sum(map(len, lists)) <= _MAX_KNOWN_PAIRS // _MAX_KNOWN_LISTS:
@@ -162,11 +176,7 @@ class SegmentPool:
         return lists
 
     def _keep_fitting(
-        self,
-        positions: IntArray,
-        members: Sequence[IntArray],
-        config: Config,
-        model: CostModel | None = None,
+        self, positions: IntArray, members: Sequence[IntArray], config: Config
     ) -> list[IntArray]:
         """Return the neighbours of each base segment that can be its donors, and itself.
 
@@ -174,23 +184,14 @@ class SegmentPool:
         """
         found: list[IntArray] = []
         lengths = self.segments.lengths
-        counts = np.array([len(own) for own in members], np.int64)
-        # Neighbourhoods grow with the library: fewer positions at a time keep the memory constant.
-        cuts = np.flatnonzero(np.diff(np.cumsum(counts) // _NEIGHBOURS_PER_BATCH)) + 1
-        for batch in np.split(np.arange(len(positions)), cuts) if len(positions) else []:
-            own = slice(batch[0], batch[-1] + 1)
-            base, donors = np.repeat(positions[own], counts[own]), np.concatenate(members[own])
+        for own in _batches(members):
+            base, donors = _pairs(positions[own], members[own])
             fits = length_fits(lengths[base], lengths[donors], self.rate, config)
             fits &= self.is_donor[donors]
             fits[fits] = ~self.are_copies(base[fits], donors[fits])
             fits |= donors == base
-            ends = np.append(0, np.cumsum(fits))[np.cumsum(counts[own])]
-            base, donors = base[fits], donors[fits]
-            lists = split_by_counts(donors, np.diff(ends, prepend=0))
-            if model is not None:
-                costs = self.preselection_costs(base, donors, model)
-                lists, _ = model.keep_cheapest_of_each(positions[own], lists, costs, PRESELECTION)
-            found += lists
+            ends = np.append(0, np.cumsum(fits))[np.cumsum(list(map(len, members[own])))]
+            found += split_by_counts(donors[fits], np.diff(ends, prepend=0))
         return found
 
     def are_copies(self, base: IntArray, donors: IntArray) -> BoolArray:
@@ -362,3 +363,18 @@ class SegmentPool:
     def seam_scales(self, config: Config) -> SeamScales:
         """Return the gaps of a seam that cost 1: see `SeamScales.from_typical_gaps`."""
         return SeamScales.from_typical_gaps(*self.typical_gaps, config)
+
+
+def _batches(lists: Sequence[IntArray]) -> list[slice]:
+    """Return runs of positions with at most about `_NEIGHBOURS_PER_BATCH` segments in their lists.
+
+    Neighbourhoods grow with the library: fewer positions at a time keep the memory constant.
+    """
+    sums = np.cumsum([len(own) for own in lists])
+    cuts = (np.flatnonzero(np.diff(sums // _NEIGHBOURS_PER_BATCH)) + 1).tolist()
+    return [slice(low, high) for low, high in pairwise([0, *cuts, len(lists)]) if low < high]
+
+
+def _pairs(positions: IntArray, lists: Sequence[IntArray]) -> tuple[IntArray, IntArray]:
+    """Return the base segment and the donor of each item of the lists, one list after the other."""
+    return np.repeat(positions, list(map(len, lists))), np.concatenate(lists)

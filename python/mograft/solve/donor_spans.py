@@ -1,6 +1,6 @@
 """Donor spans: parts of clips, between any two frames, that replace a range of a motion."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -9,6 +9,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.cancel import check_cancelled
 from mograft.blend.foot_planting import plant_feet
+from mograft.blend.loop_join import close_join
 from mograft.blend.recombine import recombine, splice
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.body.anatomy import feature_joints
@@ -31,6 +32,11 @@ _N_LENGTHS = 7  # lengths that are tried, from the shortest to the longest
 MAX_RATIO = 3.0
 """The greatest ratio of the lengths of a span and the range that it replaces."""
 
+DISTINCT_ANGLE = np.radians(15.0)
+"""Spans that differ from the present part by less, in the mean of all joints, come last."""
+
+_PENALTY = 1e6  # above the cost of any span that is not excluded
+
 
 @dataclass(frozen=True)
 class DonorSpan:
@@ -40,6 +46,7 @@ class DonorSpan:
     start: int
     stop: int
     cost: float = 0.0
+    is_held: bool = False  # whether it holds to the ends of a loop, which are not closed
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,25 +87,28 @@ def find_donor_spans(
     part: ChangedPart,
     frames: Span,
     within: Sequence[int] | None = None,
+    present: Collection[int] = (),
 ) -> Iterator[DonorSpan]:
     """Yield the spans that can replace a part in a range of frames of a motion, cheapest first.
 
     `within` has the indices of the clips that may donate. By default all clips donate, and spans
     in which the part moves as in the motion or its base, spans around the range itself, and those
-    with seams wider than `Config.max_angle` are left out. The
-    cost is that of `CostModel`, with the seams at the ends of the range, the mean angle of the base
-    part instead of distances in the embedding, and the pose difference to the range. Spans of
-    one clip that overlap by more than half are one: the cheapest. Spans are as long as the range
-    up to `Config.max_stretch`; a clip that is shorter is taken as a whole.
+    with seams wider than `Config.max_angle` are left out. Then spans that differ from the motion
+    by `DISTINCT_ANGLE` come before others, and of both, those of clips that are not in `present`
+    come first. The cost is that of `CostModel`, with the seams at the ends of the range, the mean
+    angle of the base part instead of distances in the embedding, and the pose difference to the
+    range. Spans of one clip that overlap by more than half are one: the cheapest. Spans are as long
+    as the range up to `Config.max_stretch`; a clip that is shorter is taken as a whole.
     """
     range_ = _Range(problem, motion, part, frames)
     found = []
     for clip in within or range(len(problem.library.clips)):
         check_cancelled()
         starts, stops, costs = range_.compare(clip, accept_same=within is not None)
+        costs += _PENALTY * (clip in present)
         for index in _pick(starts, stops, costs):
             ends = int(starts[index]), int(stops[index])
-            found.append(DonorSpan(clip, *ends, float(costs[index])))
+            found.append(DonorSpan(clip, *ends, float(costs[index]), is_held=within is not None))
     yield from sorted(found, key=lambda own: (own.cost, own.clip, own.start))
 
 
@@ -181,6 +191,7 @@ class _Range:
             is_known = captured_gaps[rows, frames].mean(axis=0) < COPY_ANGLE
             is_known |= differences < COPY_ANGLE
             costs[is_known | (costs >= INFEASIBLE_PENALTY)] = np.inf
+            costs[differences < DISTINCT_ANGLE] += 2.0 * _PENALTY
         return costs
 
     def _is_excluded(self, clip: int, starts: IntArray, stops: IntArray) -> BoolArray:
@@ -216,8 +227,10 @@ def insert_span(
 
     The span is stretched to the length of the range. The seams at both ends are closed within the
     range: in `Config.seam_blend` seconds, or a quarter of the range if that is shorter. An eighth
-    is enough if the captured part is put back. All other frames are those of `motion`, bit for bit,
-    except for a root that the part contains; see `splice`.
+    is enough if the captured part is put back. At the ends of the motion there is no seam; in a
+    loop, only if the span holds to them or the range is the whole loop, which is then closed. All
+    other frames are those of `motion`, bit for bit, except for a root that the part contains; see
+    `splice`.
     """
     library, last, rate = problem.library, motion.n_frames - 1, motion.rate
     (first, stop), n = frames, frames[1] - frames[0]
@@ -226,10 +239,13 @@ def insert_span(
     )
     blend = min(problem.config.seam_blend, n / (8.0 if is_captured else 4.0) / rate)
     config = replace(problem.config, seam_blend=blend)
-    # The seam is as far inside as it changes frames; at the ends of the motion there is none.
+    # The seam is as far inside as it changes frames.
     inset = min(int(np.ceil(blend * rate)), (n - 1) // 2)
-    begin = first if first == 0 and not problem.is_loop else first + inset
-    end = stop if stop == last and not problem.is_loop else stop - inset
+    is_whole = frames == (0, last)
+    is_closed = problem.is_loop and (not span.is_held or problem.config.loop == "on")
+    has_seams = is_closed and not is_whole
+    begin = first if first == 0 and not has_seams else first + inset
+    end = stop if stop == last and not has_seams else stop - inset
     ratio = (span.stop - span.start) / n
     taken = [span.start + round((frame - first) * ratio) for frame in (begin, end)]
     bounds = sorted({0, begin, end, last})
@@ -242,6 +258,7 @@ def insert_span(
     )
     clip = library.clips[span.clip]
     made = transplant(motion, cut, donors, [motion, clip], part.spec, config)
+    made = close_join(made, rate, blend) if is_closed and is_whole else made
     new = recombine(motion, [made], motion.name)
     at = np.arange(motion.n_frames)
     is_inside = (at >= first) & (at <= stop)

@@ -16,7 +16,7 @@ from mograft.body.groups import suggest_groups
 from mograft.body.loops import is_loop
 from mograft.body.size import resize
 from mograft.config import Config
-from mograft.errors import join_names, suggest_name
+from mograft.errors import join_names, suggest_frames, suggest_name
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -29,8 +29,6 @@ from mograft.search.donor_constraints import Ban, DonorReference, Use, limit_con
 from mograft.search.pose_constraints import with_captured_depth
 from mograft.search.segment_pool import SegmentPool
 from mograft.search.trellis import DonorSequences
-
-_N_NEAREST = 3  # segments that a message suggests
 
 
 def check_constraints(constraints: Sequence[Constraint], poses: Poses) -> None:
@@ -56,7 +54,7 @@ def check_frames(constraints: Sequence[Constraint], base: Motion) -> None:
         if constraint.frames is not None and constraint.frames[1] >= base.n_frames:
             raise ValueError(
                 f"frames of `{type(constraint).__name__}` must be within 0 to {base.n_frames - 1} "
-                f"({base.duration:.6g} s), got {constraint.frames[0]}-{constraint.frames[1]}"
+                f"({base.duration:.6g} s), {suggest_frames(constraint.frames, base.n_frames - 1)}"
             )
 
 
@@ -112,7 +110,10 @@ def _base_frames(constraint: Use | Ban, segments: Segments) -> Span:
     name, number = type(constraint).__name__, constraint.segment
     if number is not None:
         if number >= len(segments):
-            raise ValueError(f"`segment` of {name} must be 0 to {len(segments) - 1}, got {number}")
+            raise ValueError(
+                f"`segment` of {name} must be 0 to {len(segments) - 1}, got {number}; "
+                f"{_describe_segment(segments, (number, number), is_number=True)}"
+            )
         return int(segments.start[number]), int(segments.stop[number])
     assert constraint.frames is not None
     if isinstance(constraint, Use):
@@ -147,14 +148,29 @@ def _donor_frames(constraint: Use | Ban, library: Library) -> DonorReference | N
 
 def _check_segment(subject: str, clip: str, frames: Span, segments: Segments) -> None:
     """Raise ValueError unless `frames` are the first and last frame of one of `segments`."""
-    distances = np.abs(segments.start - frames[0]) + np.abs(segments.stop - frames[1])
-    if not (distances == 0).any():
-        nearest = np.argsort(distances, kind="stable")[:_N_NEAREST].tolist()
-        listed = ", ".join(f"{segments.start[i]}-{segments.stop[i]} (segment {i})" for i in nearest)
+    if not ((segments.start == frames[0]) & (segments.stop == frames[1])).any():
         raise ValueError(
             f"{subject} must be a segment of {clip}, got {frames[0]}-{frames[1]}; "
-            f"the nearest {'are' if len(nearest) > 1 else 'is'} {listed}"
+            f"{_describe_segment(segments, frames)}"
         )
+
+
+def _describe_segment(segments: Segments, frames: Span, *, is_number: bool = False) -> str:
+    """Return which of `segments` has most of `frames`, as a message ends.
+
+    The message suggests the number of the segment if `is_number`, otherwise its frames.
+    """
+    first, last = frames
+    # The frame that two segments share belongs to the later one.
+    shared = np.minimum(segments.stop - 1, last) - np.maximum(segments.start, first)
+    index, n_frames = int(np.argmax(shared)), int(segments.stop[-1])
+    span = f"{segments.start[index]}-{segments.stop[index]}"
+    which = f"frame {first} is" if first == last else f"most of frames {first}-{last} is"
+    if first > n_frames:
+        which = f"the last frame is {n_frames},"
+    return (
+        f"{which} in segment {index}, frames {span}; did you mean {index if is_number else span}?"
+    )
 
 
 def driven_joints(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:

@@ -10,6 +10,7 @@ from mograft._util.arrays import BoolArray, IntArray
 from mograft._util.html_table import notebook_html, notebook_table
 from mograft.blend.foot_planting import FeetReport
 from mograft.blend.reach_completion import ReachCompletion
+from mograft.body.loops import is_loop
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -103,6 +104,8 @@ class Change:
         First and last frame of the donor in its clip.
     command : str or None
         The command line, as typed; None in Python.
+    is_held : bool
+        Whether the donor holds to the ends of a loop, which are then not closed.
     """
 
     group: str
@@ -111,6 +114,7 @@ class Change:
     clip: str
     clip_frames: Span
     command: str | None = None
+    is_held: bool = False
 
     def __str__(self) -> str:
         where, donor = (f"{first}-{last}" for first, last in (self.frames, self.clip_frames))
@@ -270,6 +274,10 @@ class Graft:
         for group in self.alternatives:
             lines += _group_lines(self, group, each=each)
         lines += [f"  changed {own}" for own in self.changes]
+        is_held = any(own.is_held for own in self.changes)
+        if is_held and is_loop(self.base) and not is_loop(self.motion):
+            text = "  the loop is open, because a changed part holds to its end; changes in frames"
+            lines.append(f"{text} 1-{self.base.n_frames - 2} keep it closed")
         lines += [f"  {violation.message}" for violation in self.violations]
         lines += [_repair_line(own) for own in self.self_repairs]
         feet = self.feet

@@ -204,7 +204,8 @@ def _change(graft: Graft, options: GraftOptions) -> list[Graft]:
     for rank in range(options.count):
         changed, is_new = graft, rank == 0
         for index, (group, span, donor) in enumerate(options.change):
-            frames, chosen = resolve_frames(span, rate), resolve_donor(donor, rate)
+            last = (graft.motion.n_frames - 1) if span[1] is None else span[1]
+            frames, chosen = resolve_frames((span[0], last), rate), resolve_donor(donor, rate)
             try:
                 changed = change(changed, group, frames, chosen, rank=rank)
                 best[index], is_new = rank, is_new or not isinstance(chosen, tuple)

@@ -235,9 +235,11 @@ class ChangeOptions(Options, section="what to change"):
     change: tuple[values.Change, ...] = option(
         "another part of a clip for a group",
         details="or for a body part in it (torso, head, arms, larm, rarm), in a range of frames or "
-        "times; CLIP may be a glob such as wave*; without CLIP, the part that fits best; -n makes "
-        "as many alternatives. All other frames and joints stay as they are in the graft of "
-        "--from, or else as captured; may be repeated",
+        "times; arms@60- is to the end; CLIP may be a glob such as wave*; without CLIP, the part "
+        "that fits best of those that differ by 15 degrees or more from the present one, from "
+        "clips that are not used there, if there are any; -n makes as many alternatives. All other "
+        "frames and joints stay as they are in the graft of --from, or else as captured; in a "
+        "loop, a part of CLIP stays whole at the ends; may be repeated",
     )
     only_violations: bool = option("exchange only what violates the constraints", is_expert=True)
 

@@ -156,21 +156,22 @@ def ban(text: str) -> tuple[SegmentValue, Donor]:
     return _segment(segment), _donor(donor)
 
 
-Changed = tuple[str, Range, Donor]
-"""A group, its first and last frame, and a donor."""
+Changed = tuple[str, tuple[Frame, Frame | None], Donor]
+"""A group, its first and last frame, or None for the last of the motion, and a donor."""
 
 
 @parser(
     "expected GROUP@FIRST-LAST, optionally with =CLIP or =CLIP:FIRST-LAST, such as "
-    "upper@100-160=wave or upper@4s-6s"
+    "upper@100-160=wave, upper@4s-6s or, to the end, upper@100-"
 )
 def change(text: str) -> Changed:
-    """Parse a value of ``--change``: ``GROUP@FIRST-LAST[=CLIP[:FIRST-LAST]]``."""
+    """Parse a value of ``--change``: ``GROUP@FIRST-[LAST][=CLIP[:FIRST-LAST]]``."""
     where, equals, donor = text.partition("=")
     group, _, span = where.rpartition("@")
     if not group or (equals and not donor):
         raise ValueError
-    return group, frames(span), _donor(donor)
+    within = (frame(span[:-1]), None) if span.endswith("-") else frames(span)
+    return group, within, _donor(donor)
 
 
 @parser(f"must be {', '.join(UNITS)} or a number above 0")

@@ -47,7 +47,8 @@ def refuse_without_model(path: Path) -> NoReturn:
     """Raise the error for a motion of a robot that is read without its model."""
     remedy = "give --model, or in Python skeleton=mograft.formats.read_model(...)"
     if path.suffix.lower() == ".csv":
-        remedy += "; other tables, such as those that mograft writes, are no motions"
+        remedy += "; other tables are no motions, which are .bvh, .glb, .fbx or .npz: one of clips "
+        remedy += f"and their tags is for mograft index --tags {path}"
     raise FormatError(f"expected the model of the robot, got none: {remedy}", path)
 
 
