@@ -8,7 +8,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.blend.seam_treatments import SEAM_TREATMENTS, fit_donors
 from mograft.blend.seams import ROTATIONS, PieceTimes, SeamBoundaries
-from mograft.config import Config
+from mograft.config import FRAME, Config
 from mograft.motion.resample import cubic
 
 VELOCITY_STEP = 0.01  # frames between the values that give the velocity at the end of a segment
@@ -68,15 +68,22 @@ class SampledDonors:
 
     @property
     def start_acceleration(self) -> FloatArray:
-        """Accelerations in the first frame, in radians per frame², shape (n, n_joints, 3)."""
-        step = ROTATIONS.delta(self.values[:, 0], self.values[:, 1])
-        return 2.0 * (step - self.start_velocity / self.rate)
+        """Accelerations in the first 1/30 s, in radians per frame², shape (n, n_joints, 3)."""
+        n = self._n_steps
+        step = ROTATIONS.delta(self.values[:, 0], self.values[:, n])
+        return 2.0 / n * (step / n - self.start_velocity / self.rate)
 
     @property
     def end_acceleration(self) -> FloatArray:
-        """Accelerations in the last frame, in radians per frame², shape (n, n_joints, 3)."""
-        step = ROTATIONS.delta(self.values[:, -4], self.values[:, -3])
-        return 2.0 * (self.end_velocity / self.rate - step)
+        """Accelerations in the last 1/30 s, in radians per frame², shape (n, n_joints, 3)."""
+        n = self._n_steps
+        step = ROTATIONS.delta(self.values[:, -3 - n], self.values[:, -3])
+        return 2.0 / n * (self.end_velocity / self.rate - step / n)
+
+    @property
+    def _n_steps(self) -> int:
+        """Frame intervals of accelerations: in shorter ones, they would mostly be noise."""
+        return max(1, min(round(FRAME * self.rate), self.values.shape[1] - 3))
 
     def place(self, previous: PlacedDonor | None, config: Config) -> FloatArray:
         """Return `values` with the seam between the committed motion and each donor closed.
