@@ -14,6 +14,7 @@ import matplotlib as mpl
 
 mpl.use("agg")
 from matplotlib import pyplot
+from sphinx.application import Sphinx
 
 import mograft as mg
 from mograft import cli
@@ -189,8 +190,10 @@ def make_depth() -> None:
     (MADE / "depth.md").write_text("\n".join(lines), encoding="utf-8")
 
 
-make_pictures()
-make_depth()
-make_gallery()
-make_command_line()
-make_api()
+def setup(app: Sphinx) -> None:  # noqa: ARG001
+    """Make the generated pages; Sphinx calls this before it reads any page."""
+    make_pictures()
+    make_depth()
+    make_gallery()
+    make_command_line()
+    make_api()

@@ -107,17 +107,16 @@ def test_windows_depend_on_base_and_start_alone(stored, seconds, stride, epoch, 
     rows = {place: k for k, place in enumerate(places[n:])}
     both = [(k, rows[place]) for k, place in enumerate(places[:n]) if place in rows]
     assert len(both) >= len(whole.bases)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(augmentation, "_CACHED_BYTES", size)
-        for row in np.random.default_rng(seed).integers(0, len(both), 4).tolist():
-            one, two = both[row]
-            found, expected = other[two], whole[one]
-            assert found.pop("index") == two
-            assert expected.pop("index") == one
-            assert all(np.array_equal(found[name], own) for name, own in expected.items())
-            found["rotations"][:] = 0.0  # rows are the caller's
-        kept = sum(own.n_bytes for own in other._draws.values())
-        assert kept <= size or len(other._draws) == 1
+    other._draws.limit = size
+    for row in np.random.default_rng(seed).integers(0, len(both), 4).tolist():
+        one, two = both[row]
+        found, expected = other[two], whole[one]
+        assert found.pop("index") == two
+        assert expected.pop("index") == one
+        assert all(np.array_equal(found[name], own) for name, own in expected.items())
+        found["rotations"][:] = 0.0  # rows are the caller's
+    kept = [own for _, own in other._draws._items.values()]
+    assert sum(kept) <= size or len(kept) == 1
 
 
 @pytest.mark.parametrize("has_few", [False, True])

@@ -57,7 +57,7 @@ def small_shards(monkeypatch):
 
 @pytest.mark.parametrize("format_", list(shards.FORMATS))
 def test_executors_give_the_same_bytes(windows, tmp_path, format_):
-    if format_ == "parquet":
+    if format_ in ("parquet", "lerobot"):
         pytest.importorskip("pyarrow", reason="pyarrow is not installed")
     datasets.write(windows, tmp_path / "one", 12, format=format_)
     with worker_processes(2) as executor:
@@ -67,7 +67,9 @@ def test_executors_give_the_same_bytes(windows, tmp_path, format_):
     found = contents(tmp_path / "one")
     assert found == contents(tmp_path / "two") == contents(tmp_path / "three")
     manifest = json.loads((tmp_path / "one/manifest.json").read_text())
-    listed = {own["file"]: own["sha256"] for shard in manifest["shards"] for own in shard["files"]}
+    files = [own for shard in manifest["shards"] for own in shard["files"]]
+    files += manifest.get("files", [])
+    listed = {own["file"]: own["sha256"] for own in files}
     others = ("manifest.json", "provenance.csv", ".lock")
     assert listed == {k: v for k, v in found.items() if k not in others}
     assert sum(shard["windows"] for shard in manifest["shards"]) == 12
@@ -197,8 +199,13 @@ class _Killed(Exception):
     pass
 
 
-def test_interrupted_calls_are_continued_with_the_same_bytes(windows, tmp_path, monkeypatch):
-    datasets.write(windows, tmp_path / "whole", 23)
+@pytest.mark.parametrize("format_", ["npz", pytest.param("lerobot", marks=pytest.mark.thorough)])
+def test_interrupted_calls_are_continued_with_the_same_bytes(
+    windows, tmp_path, monkeypatch, format_
+):
+    if format_ == "lerobot":
+        pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+    datasets.write(windows, tmp_path / "whole", 23, format=format_)
     expected = contents(tmp_path / "whole")
     write_bytes = writing.write_bytes
     write_shard = shards.write_bytes
@@ -218,13 +225,13 @@ def test_interrupted_calls_are_continued_with_the_same_bytes(windows, tmp_path, 
         monkeypatch.setattr(shards, "write_bytes", counted(write_shard))
         monkeypatch.setattr(writing, "write_text", counted(write_text))
         try:
-            datasets.write(windows, tmp_path / "cut", 23)
+            datasets.write(windows, tmp_path / "cut", 23, format=format_)
             is_cut = False
         except _Killed:
             is_cut = True
         monkeypatch.undo()
         monkeypatch.setattr(writing, "SHARD_SIZE", 5)
-        datasets.write(windows, tmp_path / "cut", 23, resume=True)
+        datasets.write(windows, tmp_path / "cut", 23, format=format_, resume=True)
         assert contents(tmp_path / "cut") == expected, stop
         shutil.rmtree(tmp_path / "cut")
         if not is_cut:

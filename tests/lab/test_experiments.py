@@ -61,6 +61,7 @@ def test_constants_chosen_on_a_source_make_it_a_development_source():
 DATA = ROOT.parent / "shared" / "data"
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not (DATA / sources.ARCHIVE).exists(), reason="needs ../shared/data")
 def test_sources_of_different_use_share_no_file(tmp_path):
     (tmp_path / "bn").mkdir()
@@ -105,7 +106,6 @@ def test_stale_results_are_named_and_marked_in_their_figures(tmp_path):
     head = ("experiment", "code")
     tables.write_csv(tables.Table(head, codes), tmp_path / run.CODE)
     assert run.stale_experiments(tmp_path) == set()
-    assert not any(figures.STALE in text for _, text in figures.draw_all(tmp_path))
     planted = [(name, "0" * 12 if name == "seams" else code) for name, code in codes[1:]]
     tables.write_csv(tables.Table(head, planted), tmp_path / run.CODE)
     assert run.stale_experiments(tmp_path) == {"seams", codes[0][0]}

@@ -2,7 +2,7 @@
 
 import contextlib
 import doctest
-import importlib
+import importlib.util
 import inspect
 import io
 import json
@@ -44,20 +44,19 @@ def run_command(words):
 
 
 @cache
-def make_demo(folder):
-    """Run the demo once for all pages; return its output and a temporary copy of its folder."""
-    output = run_command(["demo", "-o", folder])
-    copy = tempfile.TemporaryDirectory()
-    shutil.copytree(folder, copy.name, dirs_exist_ok=True)
-    return output, copy
+def make_demo():
+    """Run the demo once for all pages; return its output and the folder that has its own."""
+    around = tempfile.TemporaryDirectory()
+    with contextlib.chdir(around.name):
+        return run_command(["demo", "-o", "demo"]), around
 
 
 def run_demo(folder):
-    """Return the output of the demo, and copy its folder if another page has made it."""
-    output, copy = make_demo(folder)
+    """Return the output of the demo, and copy its folder if no command of the page has made it."""
+    output, around = make_demo()
     if not Path(folder).exists():
-        shutil.copytree(copy.name, folder)
-    return output
+        shutil.copytree(Path(around.name, "demo"), folder)
+    return output.replace("demo/", f"{folder}/")
 
 
 def run_console(text):
@@ -125,7 +124,9 @@ def test_readme_commands_run_in_order_in_a_new_folder(tmp_path, monkeypatch):
     lines = re.findall(r"^    (.*\bmograft (?:demo|graft)\b.*)$", text, re.MULTILINE)
     commands = [re.split(r"(?:\.venv/bin/)?\bmograft (?=\w)", line)[-1] for line in lines]
     assert len(commands) > 1
-    for command in commands:
+    assert commands[0] == "demo"
+    run_demo("demo")
+    for command in commands[1:]:
         paths = run_command([*shlex.split(command), "--json"])
         assert json.loads(paths)
 
@@ -162,6 +163,7 @@ def test_documentation_table_lists_every_extra():
     assert sorted(listed) == sorted(project["optional-dependencies"])
 
 
+@pytest.mark.thorough
 def test_documentation_builds_without_warnings(tmp_path):
     for module in ("sphinx", "furo", "myst_parser"):
         pytest.importorskip(module, reason=f"{module} is not installed")
@@ -193,6 +195,28 @@ def test_documentation_builds_without_warnings(tmp_path):
     index = (tmp_path / "searchindex.js").read_text(encoding="utf-8")
     assert '"transplant' in index
     assert (tmp_path / "search.html").exists()
+
+
+def test_generated_pages_name_every_command_and_public_name(tmp_path):
+    pytest.importorskip("sphinx", reason="sphinx is not installed")
+    spec = importlib.util.spec_from_file_location("conf", ROOT / "docs" / "conf.py")
+    conf = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(conf)
+    conf.MADE = tmp_path
+    conf.make_command_line()
+    commands = (tmp_path / "cli.md").read_text(encoding="utf-8")
+    for words in ("graft", "lib verify", "config show"):
+        assert f"mograft {words}\n" in commands
+    conf.make_api()
+    listed = re.findall(
+        r"^(?:\.\. \S+ |`|## )(mograft\.[\w.]+)", (tmp_path / "api.md").read_text("utf-8"), re.M
+    )
+    for name in set(mograft.__all__) - {"__version__"}:
+        value = getattr(mograft, name)
+        assert f"mograft.{name}" in listed
+        if inspect.ismodule(value):
+            for inner in value.__all__:
+                assert {f"mograft.{name}.{inner}", f"mograft.{inner}"} & set(listed), inner
 
 
 def find_undocumented(reference):
@@ -234,9 +258,21 @@ FILE = re.compile(r"\b(?:tests|benches|lab)/[\w/]+\.(?:py|md)\b")
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)|^\[[\w-]+\]: ([^#:\s]+)(?:#\S*)?$", re.MULTILINE)
 
 
+ANCHOR = re.compile(r"(?:\]\(|^\[[\w-]+\]: )([^)#:\s]*)#([\w-]+)\)?", re.MULTILINE)
+
+
+def find_anchors(page):
+    """Return the anchors that Sphinx and GitHub make from the headings of a page."""
+    lines = FENCE.sub("", page.read_text(encoding="utf-8")).splitlines()
+    headings = [line.lstrip("#").strip().lower() for line in lines if line.startswith("#")]
+    return {re.sub(r"[^\w -]", "", heading).replace(" ", "-") for heading in headings}
+
+
 @pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
 def test_documentation_links_and_named_files_exist(page):
     text = page.read_text(encoding="utf-8")
+    for target, anchor in ANCHOR.findall(text):
+        assert anchor in find_anchors(page.parent / target if target else page), (target, anchor)
     for path in FILE.findall(text):
         assert (ROOT / path).exists(), path
     for target in map("".join, LINK.findall(text)):

@@ -233,6 +233,7 @@ def test_film_of_browser_moves_and_is_the_same_twice(motion, tmp_path):
 
 
 @pytest.mark.browser
+@pytest.mark.thorough
 def test_film_of_browser_shows_the_mesh_of_the_character(tmp_path):
     if not KNIGHT.exists():
         pytest.skip(f"{KNIGHT.name} is not installed")

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from typing import Any, TypeVar, overload
+from typing import Any, Generic, TypeVar, overload
 from weakref import WeakKeyDictionary
 
 K = TypeVar("K")
@@ -52,6 +52,36 @@ class LazySequence(Sequence[T]):
     def __getitem__(self, index: int | slice) -> T | tuple[T, ...]:
         chosen = range(len(self))[index]
         return tuple(map(self.item, chosen)) if isinstance(chosen, range) else self.item(chosen)
+
+
+class SizedCache(Generic[K, V]):
+    """Values of at most `limit` bytes in total, of which the oldest are dropped.
+
+    A value that is larger stays alone. Copies and pickles are empty; several threads may use it.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self.limit = limit
+        self._items: dict[K, tuple[V, int]] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return SizedCache, (self.limit,)
+
+    def get(self, key: K) -> V | None:
+        """Return the value of a key, or None."""
+        return self._items.get(key, (None, 0))[0]
+
+    def put(self, key: K, value: V, size: int) -> V:
+        """Store a value of `size` bytes, and return it."""
+        known = list(self._items.items())
+        total = size + sum(own for _, (_, own) in known)
+        for other, (_, own) in known:
+            if total <= self.limit:
+                break
+            total -= own
+            self._items.pop(other, None)
+        self._items[key] = value, size
+        return value
 
 
 def remember(owner: object, key: Hashable, compute: Callable[[], R]) -> R:

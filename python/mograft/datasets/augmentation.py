@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mograft._util.arrays import IntArray
-from mograft._util.containers import LazySequence
+from mograft._util.containers import LazySequence, SizedCache, remember
 from mograft._util.names import find_matches
 from mograft._util.validate import as_integer, check_type
 from mograft.datasets.features import (
@@ -119,15 +119,12 @@ class Augmentation(LazySequence[dict[str, Array]]):
     min_new: float
     epoch: int = 0
     variants: int = 4
-    _draws: dict[Any, _Draw] = field(default_factory=dict, init=False, repr=False)
-    _plans: dict[int, GraftPlan] = field(default_factory=dict, init=False, repr=False)
-
-    def __getstate__(self) -> dict[str, Any]:
-        kept = ("donors", "_draws", "_plans", "_ends")
-        return {name: own for name, own in self.__dict__.items() if name not in kept}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state, _draws={}, _plans={})
+    _draws: SizedCache[Any, _Draw] = field(
+        default_factory=lambda: SizedCache(_CACHED_BYTES), init=False, repr=False
+    )
+    _plans: SizedCache[int, GraftPlan] = field(  # further draws of a base are often needed next
+        default_factory=lambda: SizedCache(1), init=False, repr=False
+    )
 
     def __len__(self) -> int:
         return int(self._ends[-1])
@@ -209,9 +206,12 @@ class Augmentation(LazySequence[dict[str, Array]]):
     def _ends(self) -> IntArray:
         return np.cumsum([len(own) for own in self.starts])
 
-    @cached_property
+    @property
     def donors(self) -> Library:
         """The library in which only segments of the part are donors."""
+        return remember(self, "donors", self._select_donors)
+
+    def _select_donors(self) -> Library:
         library = self.library
         clips = library.clips
         if isinstance(clips, StoredClips):
@@ -228,9 +228,7 @@ class Augmentation(LazySequence[dict[str, Array]]):
         digest = hashlib.sha256(b"%d %s" % (self.seed, name)).digest()
         plan = self._plans.get(base)
         if plan is None:
-            plan = GraftPlan.build(self.donors, base, None, ())
-            self._plans.clear()  # further draws of the base are often needed next
-            self._plans[base] = plan
+            plan = self._plans.put(base, GraftPlan.build(self.donors, base, None, ()), 1)
         return plan, plan.choose_donors(count, int.from_bytes(digest[:8], "big"))
 
     def build(self, base: int, draws: Sequence[int]) -> list[Graft]:
@@ -245,14 +243,7 @@ class Augmentation(LazySequence[dict[str, Array]]):
             plan, drawn = self._draw(base, draw + 1)
             own = min(draw, len(drawn) - 1) if draw < _MAX_DRAWS else draw % len(drawn)
             found = self._draws.get((base, own)) or self._compute_draw(plan, drawn[own], own)
-            items, size = list(self._draws.items()), found.n_bytes
-            size += sum(known.n_bytes for _, known in items)
-            for key, known in items:
-                if size <= _CACHED_BYTES:
-                    break
-                size -= known.n_bytes
-                self._draws.pop(key, None)
-            self._draws[base, draw] = found
+            self._draws.put((base, draw), found, found.n_bytes)
         return found
 
     def _compute_draw(self, plan: GraftPlan, donors: DonorSequences, draw: int) -> _Draw:

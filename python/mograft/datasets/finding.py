@@ -1,9 +1,7 @@
 """Find spans of a library that move like a query, or clips by words."""
 
-import sqlite3
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
-from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +12,7 @@ from mograft.blend.time_warp import gaps_in_band, warping_path
 from mograft.body.anatomy import feature_joints
 from mograft.datasets.executors import call_all
 from mograft.errors import suggest_frames
-from mograft.library.clip_keys import TEXT_TAG, plain_tags
+from mograft.library.clip_keys import find_words
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.motion.resample import sample_clips
@@ -113,7 +111,7 @@ def find(
     """
     check_type("library", library, Library)
     top = as_integer("top", top, 1)
-    words = None if text is None else find_words(library, text)
+    words = None if text is None else find_words(library.entries, text)
     if query is None:
         if words is None:
             raise ValueError("`query` or `text` is required, got neither")
@@ -259,29 +257,3 @@ def _sample(
     rows = np.repeat(np.arange(len(tracks)), count)
     found = sample_clips(tracks, rows, (whole + rest / (count - 1)).ravel())
     return found.reshape(len(tracks), count, -1, 4)
-
-
-def find_words(library: Library, text: str) -> list[tuple[int, float]]:
-    """Return the clips whose name, tags or description match an expression of FTS5, best first.
-
-    The second item is the negative score of BM25: smaller is better. Raise ValueError if the
-    expression is invalid.
-    """
-    with closing(sqlite3.connect(":memory:")) as database:
-        database.execute("CREATE VIRTUAL TABLE clip USING fts5(name, tags, text)")
-        rows = []
-        for index, entry in enumerate(library.entries):
-            notes = [tag.removeprefix(TEXT_TAG) for tag in entry.tags if tag.startswith(TEXT_TAG)]
-            tags = plain_tags(entry)
-            name = entry.name.encode("utf-8", "replace").decode()
-            rows.append((index + 1, name, " ".join(tags), " ".join(notes)))
-        database.executemany("INSERT INTO clip(rowid, name, tags, text) VALUES (?, ?, ?, ?)", rows)
-        try:
-            found = database.execute(
-                "SELECT rowid, bm25(clip) FROM clip WHERE clip MATCH ? ORDER BY 2, 1", (text,)
-            ).fetchall()
-        except sqlite3.OperationalError as error:
-            raise ValueError(
-                f"`text` must be words, or an expression of FTS5, got {text!r}: {error}"
-            ) from None
-    return [(int(row) - 1, float(score)) for row, score in found]

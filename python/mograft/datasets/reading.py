@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mograft._util.containers import LazySequence
+from mograft._util.containers import LazySequence, SizedCache
 from mograft._util.documents import read_document
 from mograft.datasets.features import Array
 from mograft.datasets.writing import MANIFEST, SCHEMA
@@ -34,13 +34,9 @@ class DataSet(LazySequence[dict[str, Array]]):
 
     folder: Path
     manifest: dict[str, Any]
-    _shards: dict[int, dict[str, Array]] = field(default_factory=dict, init=False, repr=False)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {"folder": self.folder, "manifest": self.manifest}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state, _shards={})
+    _shards: SizedCache[int, dict[str, Array]] = field(
+        default_factory=lambda: SizedCache(_CACHED_BYTES), init=False, repr=False
+    )
 
     def __len__(self) -> int:
         return int(self.manifest["report"]["windows"])
@@ -55,10 +51,7 @@ class DataSet(LazySequence[dict[str, Array]]):
         shard = self._shards.get(number)
         if shard is None:
             shard = self._read(number)
-            kept = max(_CACHED_BYTES // max(sum(own.nbytes for own in shard.values()), 1), 2)
-            for key in list(self._shards)[: 1 - kept]:
-                self._shards.pop(key, None)
-            self._shards[number] = shard
+            self._shards.put(number, shard, sum(own.nbytes for own in shard.values()))
         return {**{name: own[row] for name, own in shard.items()}, "index": np.array(index)}
 
     def _read(self, number: int) -> dict[str, Array]:

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mograft._util.atomic import write_bytes
-from mograft._util.extras import import_extra
 from mograft._util.names import portable_stem
 from mograft.datasets.augmentation import Encode, Window
 from mograft.io.bvh.writer import write_bvh
 from mograft.io.glb import write_glb
+from mograft.io.lerobot import episode_file, meta_files, to_parquet
 from mograft.motion.motion import Motion
 
 SHARD_SIZE = 64
@@ -28,12 +28,13 @@ Files = list[tuple[str, bytes]]
 class ShardFormat(NamedTuple):
     """A format in which shards are stored; the same windows give the same bytes."""
 
-    files: Callable[[int, int, Sequence[Window]], Files]
-    """Function of the number of a shard, the index of its first window, and its windows."""
+    files: Callable[[int, int, Sequence[Window], float], Files]
+    """Function of the number of a shard, the index of its first window, its windows and rate."""
     encode: Encode | None = None  # converts the motion of a window; None: only features are stored
+    meta: Callable[[Path, dict[str, Any]], Files] | None = None  # of the folder and its manifest
 
 
-def _npz_files(number: int, _first: int, windows: Sequence[Window]) -> Files:
+def _npz_files(number: int, _first: int, windows: Sequence[Window], _rate: float) -> Files:
     """Return an NPZ file: for each feature an array whose first axis is the window."""
     buffer, names = io.BytesIO(), windows[0].features
     arrays = {name: np.stack([own.features[name] for own in windows]) for name in names}
@@ -41,21 +42,36 @@ def _npz_files(number: int, _first: int, windows: Sequence[Window]) -> Files:
     return [(f"shard-{number:05d}.npz", buffer.getvalue())]
 
 
-def _parquet_files(number: int, first: int, windows: Sequence[Window]) -> Files:
+def _parquet_files(number: int, first: int, windows: Sequence[Window], _rate: float) -> Files:
     """Return a Parquet file: a row per window, and a list of numbers for each feature."""
-    arrow = import_extra("pyarrow", "Parquet needs pyarrow", "parquet")
-    parquet = import_extra("pyarrow.parquet", "Parquet needs pyarrow", "parquet")
-    columns: dict[str, Any] = {"window": arrow.array(range(first, first + len(windows)))}
+    columns: dict[str, Any] = {"window": np.arange(first, first + len(windows))}
     for name in windows[0].features:
-        rows = np.stack([own.features[name] for own in windows])
-        flat = arrow.array(rows.reshape(-1))
-        columns[name] = arrow.FixedSizeListArray.from_arrays(flat, rows[0].size)
-    buffer = io.BytesIO()
-    parquet.write_table(arrow.table(columns), buffer)
-    return [(f"shard-{number:05d}.parquet", buffer.getvalue())]
+        columns[name] = np.stack([own.features[name].reshape(-1) for own in windows])
+    return [(f"shard-{number:05d}.parquet", to_parquet(columns))]
 
 
-def _motion_files(number: int, first: int, windows: Sequence[Window], *, suffix: str) -> Files:
+def _lerobot_files(number: int, first: int, windows: Sequence[Window], rate: float) -> Files:
+    """Return the data of LeRobot: a state has all features, one after the other."""
+    states = [
+        np.concatenate([row.reshape(len(row), -1) for row in own.features.values()], axis=1)
+        for own in windows
+    ]
+    return [episode_file(np.stack(states).astype(np.float32), number, first, rate)]
+
+
+def _lerobot_meta(folder: Path, document: dict[str, Any]) -> Files:
+    names = [
+        ".".join(map(str, (name, *index)))
+        for name, own in document["features"].items()
+        for index in np.ndindex(*own["shape"][1:])
+    ]
+    counts, request = [shard["windows"] for shard in document["shards"]], document["request"]
+    return meta_files(folder, counts, request["frames"], request["rate"], names)
+
+
+def _motion_files(
+    number: int, first: int, windows: Sequence[Window], _rate: float, *, suffix: str
+) -> Files:
     """Return a file for each window, with its encoded motion."""
     folder = f"shard-{number:05d}"
     return [
@@ -74,6 +90,7 @@ def _encode(motion: Motion, *, suffix: str) -> bytes:
 FORMATS = {
     "npz": ShardFormat(_npz_files),
     "parquet": ShardFormat(_parquet_files),
+    "lerobot": ShardFormat(_lerobot_files, meta=_lerobot_meta),
     **{
         name: ShardFormat(
             partial(_motion_files, suffix=f".{name}"), partial(_encode, suffix=f".{name}")

@@ -1,20 +1,18 @@
 """Parts of a library, such as train, val and test, that have no motion in common."""
 
-import csv
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, IntArray
 from mograft.datasets.copies import find_shared_clips
 from mograft.errors import join_names, suggest_name
-from mograft.library.clip_keys import plain_tags
+from mograft.library.clip_keys import csv_rows, plain_tags
 from mograft.library.library import Library
 
 Split = str | PathLike[str] | Mapping[str, str]
@@ -53,8 +51,7 @@ def select_part(library: Library, split: Split | None, name: str, seed: int) -> 
     kept[shared] = False
     if not kept.any():
         raise ValueError(f"`split` leaves no clip in {name}: other parts hold the same motion")
-    names_of_shared = tuple(clips[clip] for clip in shared.tolist())
-    return Part(name, kept, names_of_shared, int(others.sum()))
+    return Part(name, kept, tuple(clips[clip] for clip in shared.tolist()), int(others.sum()))
 
 
 def assign_parts(library: Library, split: Split, seed: int = 0) -> list[str]:
@@ -80,29 +77,15 @@ def read_split(path: Path) -> dict[str, str]:
     line of an invalid row, and for a clip that is in two parts.
     """
     table: dict[str, str] = {}
-    with path.open(encoding="utf-8-sig", newline="") as stream:
-        rows = csv.reader(stream)
-        for row in _valid_rows(rows, path):
-            cells = [cell.strip() for cell in row]
-            heading = rows.line_num == 1 and cells and cells[0].lower() in ("clip", "file", "tag")
-            if not any(cells) or heading:
-                continue
-            place = f"{path}:{rows.line_num}"
-            if len(cells) != 2 or not all(cells):
-                raise ValueError(f"{place}: expected a clip and its part, got {row}")
-            if table.get(cells[0], cells[1]) != cells[1]:
-                known = table[cells[0]]
-                raise ValueError(f"{place}: {cells[0]} is in {known} and in {cells[1]}")
-            table[cells[0]] = cells[1]
+    for line, cells in csv_rows(path):
+        if line == 1 and cells[0].lower() in ("clip", "file", "tag"):
+            continue
+        if len(cells) != 2 or not all(cells):
+            raise ValueError(f"{path}:{line}: expected a clip and its part, got {cells}")
+        if table.setdefault(*cells) != cells[1]:
+            known = table[cells[0]]
+            raise ValueError(f"{path}:{line}: {cells[0]} is in {known} and in {cells[1]}")
     return table
-
-
-def _valid_rows(rows: Any, path: Path) -> Iterator[list[str]]:  # noqa: ANN401 - of a csv reader
-    """Yield rows of a CSV file; raise ValueError with the number of a line that is none."""
-    try:
-        yield from rows
-    except csv.Error as error:
-        raise ValueError(f"{path}:{rows.line_num}: expected CSV: {error}") from error
 
 
 def _parts_of_table(library: Library, table: Mapping[str, str], source: str) -> list[str]:

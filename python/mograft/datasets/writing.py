@@ -24,7 +24,7 @@ from mograft.datasets.augmentation import PROVENANCE, Augmentation, JobResult, W
 from mograft.datasets.executors import call_with
 from mograft.datasets.features import FEATURES
 from mograft.datasets.measuring import TABLE, Places, coverage
-from mograft.datasets.shards import FORMATS, SHARD_SIZE, write_files
+from mograft.datasets.shards import FORMATS, SHARD_SIZE, Files, write_files
 from mograft.errors import MograftError
 from mograft.io.csv import without_formula
 from mograft.library.origin import hash_library
@@ -77,8 +77,8 @@ def write(
         The folder to create.
     count : int
         Greatest number of windows. There are fewer if no more are new enough and different.
-    format : {"npz", "parquet", "bvh", "glb"}
-        The format of the shards.
+    format : {"npz", "parquet", "lerobot", "bvh", "glb"}
+        The format of the shards. ``lerobot`` is LeRobot v3.0: each window is an episode.
     resume : bool
         Whether to continue an interrupted call with the same arguments. Files that are complete and
         unchanged are kept; the result has the bytes of an undisturbed call.
@@ -109,8 +109,10 @@ def write(
     """
     check_type("windows", windows, Augmentation)
     check_choice("format", format, tuple(FORMATS))
-    if format == "parquet":
+    if format in ("parquet", "lerobot"):
         import_extra("pyarrow.parquet", "Parquet needs pyarrow", "parquet")
+    if format == "lerobot" and "humanml3d" in windows.features:
+        raise ValueError("`format` lerobot needs a row for each frame, humanml3d has another rate")
     target, request = Path(fspath(folder)), _request(windows, as_integer("count", count, 1), format)
     if executor is not None and not windows.library.has_recipe:
         raise ValueError("`executor` needs a library in a folder: save it first, and open it")
@@ -161,9 +163,9 @@ def _find_state(folder: Path, request: dict[str, Any]) -> tuple[_State, bool]:
     """Return the state of the whole shards in a folder, and whether the data set is complete."""
     path = folder / MANIFEST
     if not path.exists():
-        starts = (".lock", _PARTS, "shard-", ".mograft-")
-        if not all(own.name.startswith(starts) for own in folder.iterdir()):
+        if not all(own.name.startswith((".lock", ".mograft-")) for own in folder.iterdir()):
             raise FileExistsError(f"{folder} holds other files than a data set of mograft")
+        _write_manifest(folder, request, _State(), {})  # from now on the folder is ours
         return _State(), False
     document = read_document(path)
     if document.get("schema") != SCHEMA:
@@ -241,15 +243,18 @@ def _write_shard(
         for row in window.provenance:
             cells = [without_formula(own) if isinstance(own, str) else own for own in row]
             rows.writerow([index, *cells])
-    files = FORMATS[request["format"]].files(number, first, windows)
+    files = FORMATS[request["format"]].files(number, first, windows, request["rate"])
     part = (f"{_PARTS}/{number:05d}.csv", text.getvalue().encode("utf-8", "replace"))
     write_files(folder, [*files, part])
-    entries = [
+    state.shards.append({"first": first, "windows": len(windows), "files": _entries(files)})
+    _write_manifest(folder, request, state, {})
+
+
+def _entries(files: Files) -> list[dict[str, Any]]:
+    return [
         {"file": name, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
         for name, data in files
     ]
-    state.shards.append({"first": first, "windows": len(windows), "files": entries})
-    _write_manifest(folder, request, state, {})
 
 
 def _write_manifest(
@@ -274,7 +279,12 @@ def _finish(
         body = b"".join(path.read_bytes() for path in names)
         write_bytes(folder / TABLE, ",".join(PROVENANCE).encode() + b"\n" + body)
     report = _report(windows, folder, state)
-    document = _write_manifest(folder, request, state, {"report": report})
+    more: dict[str, Any] = {"report": report}
+    if (meta := FORMATS[request["format"]].meta) is not None:
+        document = {"request": request, "features": state.features, "shards": state.shards}
+        write_files(folder, files := meta(folder, document))
+        more["files"] = _entries(files)
+    document = _write_manifest(folder, request, state, more)
     for path in sorted(parts.glob("*.csv")) if parts.is_dir() else ():
         path.unlink()
     if parts.is_dir():

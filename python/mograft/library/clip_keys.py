@@ -1,9 +1,11 @@
-"""Tables from names and paths of clips to tags, descriptions or frame rates."""
+"""Tables from names and paths of clips to tags, descriptions or frame rates; their words."""
 
 import csv
 import re
+import sqlite3
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from fnmatch import fnmatchcase
 from os import PathLike, fspath
 from pathlib import Path
@@ -100,7 +102,7 @@ def read_tags(
     table: dict[str, tuple[str, ...]] = {}
     heading, at, wanted, twice = list[str](), 0, list[int](), dict[str, None]()
     for number, (line, cells) in enumerate(
-        _parquet_rows(path, columns) if is_parquet else _csv_rows(path)
+        _parquet_rows(path, columns) if is_parquet else csv_rows(path)
     ):
         place = f"{path}:{line}"
         names = [cell.lower() for cell in cells]
@@ -136,8 +138,11 @@ def read_tags(
     return table
 
 
-def _csv_rows(path: str | PathLike[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number of each line that is not empty, and its cells."""
+def csv_rows(path: str | PathLike[str]) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number of each line that is not empty, and its cells.
+
+    Raise ValueError with the number of a line that is not CSV.
+    """
     with open(path, encoding="utf-8-sig", newline="") as stream:
         rows = csv.reader(stream)
         try:
@@ -175,3 +180,29 @@ def _parquet_rows(
 def _tag(cell: str, column: str) -> str:
     """Return a cell as a tag, a description if the heading of its column says so."""
     return f"{TEXT_TAG}{cell}" if _TEXT_COLUMN.search(column.lower()) else cell
+
+
+def find_words(entries: Sequence[ClipInfo], text: str) -> list[tuple[int, float]]:
+    """Return the clips whose name, tags or description match an expression of FTS5, best first.
+
+    The second item is the negative score of BM25: smaller is better. Raise ValueError if the
+    expression is invalid.
+    """
+    with closing(sqlite3.connect(":memory:")) as database:
+        database.execute("CREATE VIRTUAL TABLE clip USING fts5(name, tags, text)")
+        rows = []
+        for index, entry in enumerate(entries):
+            notes = [tag.removeprefix(TEXT_TAG) for tag in entry.tags if tag.startswith(TEXT_TAG)]
+            tags = plain_tags(entry)
+            name = entry.name.encode("utf-8", "replace").decode()
+            rows.append((index + 1, name, " ".join(tags), " ".join(notes)))
+        database.executemany("INSERT INTO clip(rowid, name, tags, text) VALUES (?, ?, ?, ?)", rows)
+        try:
+            found = database.execute(
+                "SELECT rowid, bm25(clip) FROM clip WHERE clip MATCH ? ORDER BY 2, 1", (text,)
+            ).fetchall()
+        except sqlite3.OperationalError as error:
+            raise ValueError(
+                f"`text` must be words, or an expression of FTS5, got {text!r}: {error}"
+            ) from None
+    return [(int(row) - 1, float(score)) for row, score in found]

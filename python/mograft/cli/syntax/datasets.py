@@ -40,11 +40,12 @@ class AugmentOptions(options.SeedOptions, options.LibraryOptions, section="outpu
     )
     part: values.Name | None = setting("part of the split (default: train)")
     features: Annotated[tuple[str, ...], Value("NAME,...", values.names)] | None = setting(
-        "arrays of npz and parquet, of rotations, rotations_6d, matrices, root, positions, "
-        "contacts, humanml3d (default: rotations,root,contacts)"
+        "arrays of npz, parquet and lerobot, of rotations, rotations_6d, matrices, root, "
+        "positions, contacts, humanml3d (default: rotations,root,contacts)"
     )
-    format: Literal["npz", "parquet", "bvh", "glb"] = setting(
-        "format of the files (default: npz); parquet needs mograft[parquet]", default="npz"
+    format: Literal["npz", "parquet", "lerobot", "bvh", "glb"] = setting(
+        "format of the files (default: npz); parquet and lerobot need mograft[parquet]",
+        default="npz",
     )
     min_new: values.Share = setting(
         "smallest share of frames of a window that differ from the base (default: 0.5)",
