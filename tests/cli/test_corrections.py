@@ -91,6 +91,17 @@ def test_rarer_mistake_is_refused_with_the_value_that_was_meant(option, text, me
         Value("X", READERS[option]).read(text)
 
 
+@pytest.mark.parametrize(
+    "text", ["0,1:" * 20_000, "0,1:" * 24, "9s-" * 33, "a1" * 50], ids=range(4)
+)
+def test_long_value_is_refused_without_many_trials(text):
+    tried = []
+    reader = Value("X", lambda own: tried.append(own) or values.reach(own))
+    with pytest.raises(ArgumentTypeError):
+        reader.read(text)
+    assert len(tried) <= 10_001
+
+
 def filled(template, first, last):
     return template.format(a=first, b=last)
 

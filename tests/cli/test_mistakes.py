@@ -192,7 +192,7 @@ MISTAKES = [
     ("graft a.bvh -o x --set sigma_scale=nan", USAGE, "--set: `sigma_scale` must be above 0"),
     ("graft a.bvh -o x --reach 5:Hand:1,2", USAGE, "expected FRAME:JOINT:X,Y,Z[~TOL]"),
     ("graft a.bvh -o x --avoid sphere:0,0,0,-1", USAGE, "`radius` must not be negative"),
-    ("graft a.bvh -o x --take 24", USAGE, "SEGMENT=CLIP:FIRST-LAST as mograft candidates lists it, such as"),
+    ("graft a.bvh -o x --take 24", USAGE, "LAST as mograft candidates lists it, such as 24=walk"),
     ("graft a.bvh -o x --take 24:a:9-3", USAGE, "got 24:a:9-3; did you mean '24=a:3-9'?"),
     ("graft a.bvh -o x --keep 3s-4", USAGE, "got 3s-4; did you mean '3s-4s'?"),
     ("graft a.bvh -o x --face 10-20:0,90,0", USAGE, "did you mean '0,90,0@10-20'?"),

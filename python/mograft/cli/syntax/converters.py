@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import wraps
-from itertools import chain
+from itertools import chain, islice
 from typing import Any, TypeVar
 
 from mograft.errors import suggest_name
@@ -35,6 +35,8 @@ _CORRECTIONS = (
 _MARK = re.compile(r"[-:@=,;+~() ]+(?!$)|[=)]$|(?<=[A-Za-z])(?=-?\d)|(?<=\d)(?=[A-Z])")
 """Where a part of a value ends; the mark may be missing or a wrong one."""
 
+_MAX_LENGTH, _MAX_TRIED = 100, 10_000  # characters that are corrected, and corrected values
+
 
 def _correct(text: str) -> Iterator[str]:
     """Yield a text with each typical mistake corrected."""
@@ -58,8 +60,10 @@ class Value:
         try:
             return self.convert(text)
         except ArgumentTypeError as error:
-            known = [] if "did you mean" in str(error) else list(_correct(text))
-            for other in [*known, *chain.from_iterable(map(_correct, known))]:
+            is_known = "did you mean" in str(error) or len(text) > _MAX_LENGTH
+            known = [] if is_known else list(_correct(text))
+            pairs = chain.from_iterable(map(_correct, known))
+            for other in islice(chain(known, pairs), _MAX_TRIED):
                 with suppress(ArgumentTypeError):
                     self.convert(other)
                     error = ArgumentTypeError(f"{error}; did you mean {other!r}?")
