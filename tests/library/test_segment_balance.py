@@ -43,6 +43,22 @@ def test_support_margins_of_any_segments_are_those_of_their_clips(library, place
     np.testing.assert_array_equal(again, expected[chosen])
 
 
+@given(st.lists(st.lists(st.integers(0, 10), max_size=6), min_size=1, max_size=4))
+def test_mass_offsets_do_not_depend_on_earlier_calls(library, calls):
+    balance, joints = replace(library)._balance, library.joints("upper")
+    every = balance.mass_offsets(joints, np.arange(len(library.segments)))
+    balance = replace(library)._balance
+    for own in calls:
+        chosen = np.array(own, int)
+        np.testing.assert_array_equal(balance.mass_offsets(joints, chosen), every[chosen])
+
+
+def test_balance_keeps_the_track_of_one_clip(library):
+    balance = replace(library)._balance
+    balance.support_margins(np.arange(len(library.segments)))
+    assert len(library.clips) > len(balance._tracks) == 1
+
+
 def test_pool_has_a_balance_only_for_groups_without_root_and_feet(library):
     assert library.pool("upper").balance is not None
     assert library.pool("lower").balance is None

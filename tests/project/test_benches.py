@@ -7,10 +7,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 NAMES = sorted(path.stem for path in ROOT.glob("benches/[!_]*.py"))
-BENCHES = [
-    pytest.param(name, marks=pytest.mark.browser if name in ("view", "studio") else ())
-    for name in NAMES
-]
+MARKS = {"view": pytest.mark.browser, "studio": pytest.mark.browser, "growth": pytest.mark.thorough}
+BENCHES = [pytest.param(name, marks=MARKS.get(name, ())) for name in NAMES]
 
 
 def import_bench(name):

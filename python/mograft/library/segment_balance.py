@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.embedding import CHUNK, Samples
 from mograft.analysis.zero_moment import (
     N_DIRECTIONS,
@@ -40,9 +40,10 @@ class LibraryBalance:
     samples: Samples | StoredSamples | ExtendedSamples
     spec: LibrarySpec
     config: Config
-    # Offsets by the joints of a group, shape (n_segments, n_samples, 2); NaN if not yet computed.
-    _offsets: dict[bytes, FloatArray] = field(default_factory=dict)
-    _tracks: dict[int, ZeroMomentTrack] = field(default_factory=dict)  # by clip
+    # By the joints of a group: offsets, shape (n_segments, n_samples, 2), and which are computed.
+    # Zeros that nothing has written take no memory.
+    _offsets: dict[bytes, tuple[FloatArray, BoolArray]] = field(default_factory=dict)
+    _tracks: dict[int, ZeroMomentTrack] = field(default_factory=dict)  # of the last clip
     # Margins by clip and block of segments.
     _margins: dict[tuple[int, int], FloatArray] = field(default_factory=dict)
 
@@ -51,14 +52,15 @@ class LibraryBalance:
         shape = (len(self.segments), self.config.samples, 2)
         group = joints.tobytes()
         if group not in self._offsets:
-            self._offsets[group] = np.full(shape, np.nan)
-        known = self._offsets[group]
-        missing = np.unique(segments[np.isnan(known[segments, 0, 0])])
+            self._offsets[group] = np.zeros(shape), np.zeros(len(self.segments), bool)
+        known, is_known = self._offsets[group]
+        missing = np.unique(segments[~is_known[segments]])
         root, up = self.spec.root, self.spec.up
         for start in range(0, len(missing), CHUNK):
             batch = missing[start : start + CHUNK]
             samples = self.samples.select(batch)
             known[batch] = mass_offsets(samples, self.spec.skeleton, joints, root, up)
+            is_known[batch] = True
         return known[segments]
 
     def support_margins(self, segments: IntArray) -> FloatArray:
@@ -82,11 +84,13 @@ class LibraryBalance:
         known = self._margins.get((clip, block))
         if known is None:
             motion, cut, up = self.clips[clip], self.segments[members], self.spec.up
-            if clip not in self._tracks:
+            track = self._tracks.get(clip)
+            if track is None:
                 ground, root = Ground.of(motion), self.spec.root
                 track = ZeroMomentTrack.of(motion, cut, ground, self.config, root=root, up=up)
+                self._tracks.clear()
                 self._tracks[clip] = track
-            chosen, track = slice(block * CHUNK, (block + 1) * CHUNK), self._tracks[clip]
+            chosen = slice(block * CHUNK, (block + 1) * CHUNK)
             known = support_margins(motion, cut, track, self.config, up=up, chosen=chosen)
             total = len(members) * self.config.samples * N_DIRECTIONS
             limit = _MAX_KNOWN_MARGINS if total <= _MAX_KNOWN_MARGINS else _MAX_LAST_MARGINS

@@ -6,6 +6,7 @@ A frame is a number or, with the suffix ``s``, a time in seconds.
 import math
 import re
 from argparse import ArgumentTypeError
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -134,19 +135,6 @@ def resolve_donor(given: Donor, rate: float) -> str | tuple[str, int, int] | Non
     return (given[0], *resolve_frames(given[1:], rate)) if isinstance(given, tuple) else given
 
 
-@parser("expected SEGMENT=CLIP:FIRST-LAST, such as 24=walk:242-275")
-def take(text: str) -> tuple[SegmentValue, Taken]:
-    """Parse a value of ``--take``: ``[GROUP:]SEGMENT=CLIP:FIRST-LAST``.
-
-    Return the base segment, and the clip, first frame and last frame of the donor.
-    """
-    segment, _, donor = text.partition("=")
-    clip, _, span = donor.rpartition(":")  # The name of a clip may contain colons.
-    if not clip:
-        raise ValueError
-    return _segment(segment), (clip, *frames(span))
-
-
 @parser("expected SEGMENT, SEGMENT=CLIP or SEGMENT=CLIP:FIRST-LAST, such as 24=walk")
 def ban(text: str) -> tuple[SegmentValue, Donor]:
     """Parse a value of ``--ban``: ``[GROUP:]SEGMENT[=CLIP[:FIRST-LAST]]``."""
@@ -154,6 +142,15 @@ def ban(text: str) -> tuple[SegmentValue, Donor]:
     if equals and not donor:
         raise ValueError
     return _segment(segment), _donor(donor)
+
+
+@parser("expected SEGMENT=CLIP:FIRST-LAST as mograft candidates lists it, such as 24=walk:242-275")
+def take(text: str) -> tuple[SegmentValue, Taken]:
+    """Parse a value of ``--take``: ``[GROUP:]SEGMENT=CLIP:FIRST-LAST``."""
+    segment, donor = ban(text)
+    if not isinstance(donor, tuple):
+        raise ValueError
+    return segment, donor
 
 
 Changed = tuple[str, tuple[Frame, Frame | None], Donor]
@@ -273,12 +270,10 @@ def picture_size(text: str) -> tuple[int, int]:
 
 def _numbers(text: str, *forms: str) -> tuple[float, ...]:
     """Parse as many numbers as one of `forms`, such as ``X,Y,Z``, has."""
-    words = text.split(",")
-    try:
-        counts = [len(form.split(",")) for form in forms]
-        numbers = tuple(float(word) for word in words if len(words) in counts)
-    except ValueError:
-        numbers = ()
+    numbers, words = tuple[float, ...](), text.split(",")
+    if len(words) in [len(form.split(",")) for form in forms]:
+        with suppress(ValueError):
+            numbers = tuple(map(float, words))
     if not numbers:
         raise ArgumentTypeError(f"expected {' or '.join(forms)}, got {text}")
     return numbers
@@ -317,12 +312,12 @@ def _shape(text: str) -> tuple[str, tuple[float, ...]]:
     kind, colon, rest = text.partition(":")
     if colon and kind in SHAPES:
         return kind, _numbers(rest, SHAPES[kind])
-    if colon and len(kind) > 1 and kind.isalpha() and not Path(text).exists():
-        raise ArgumentTypeError(
-            f"expected a file or one of the shapes {', '.join(SHAPES)}, got {kind}"
-            f"{suggest_name(kind, SHAPES, cutoff=0.8)}"
-        )
     name, separator, place = text.rpartition("@")
+    no_file = rf"({'|'.join(SHAPES)})(?![\w.])|..+:|.*[,;=]"
+    if re.match(no_file, name or text) and not Path(name or text).exists():
+        forms = ", ".join(map(":".join, SHAPES.items()))
+        hint = suggest_name(kind, SHAPES, cutoff=0.8)
+        raise ArgumentTypeError(f"expected a file, or one of {forms}, got {text}{hint}")
     if not separator or Path(text).exists():
         return text, (0.0,) * 4
     return name, (*_numbers(place, "X,Y,Z", "X,Y,Z,YAW"), 0.0)[:4]
