@@ -172,7 +172,9 @@ MISTAKES = [
     ("graft a.bvh -o x --keep 9000-9100", RUNTIME, "frames of --keep must be within 0 to 299"),
     ("graft a.bvh -o x --keep 0-999999", RUNTIME, "frames of --keep must be within 0 to 299 "
      "(9.96667 s), got 0-999999"),
-    ("candidates a.bvh --frame 99s", RUNTIME, "--frame must be 0 to 299 (9.96667 s)"),
+    ("candidates a.bvh --frame 99s", RUNTIME, "0 to 299 (9.96667 s) in a, got 2970; "
+     "did you mean 299?"),
+    ("graft a.bvh -o x --distinct 181", USAGE, "must be an angle from 0 to 180, got 181"),
     ("export a.bvh -o x.csv --frames 100-900", RUNTIME, "--frames must be two or more"),
     ("graft a.bvh -o x --avoid cube:0,0,0,1", USAGE, "got cube"),
     ("graft a.bvh -o x --avoid sphere:0,0,0", USAGE, "expected X,Y,Z,RADIUS, got 0,0,0"),

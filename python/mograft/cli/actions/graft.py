@@ -127,8 +127,6 @@ def _check_options(options: GraftOptions) -> None:
         raise UsageError("expected LIB or FILE")
     if records := [name for name in options.files if name.endswith(".json")]:
         raise UsageError(f"{records[0]} is no motion; --from {records[0]} makes a graft again")
-    if options.distinct > 180.0:
-        raise UsageError(f"--distinct must be at most 180, got {options.distinct:g}")
     configuration.check_combinations(options)
 
 
