@@ -310,7 +310,7 @@ def _shape(text: str) -> tuple[str, tuple[float, ...]]:
         return kind, _numbers(rest, SHAPES[kind])
     name, separator, place = text.rpartition("@")
     no_file = rf"({'|'.join(SHAPES)})(?![\w.])|..+:|.*[,;=]"
-    if re.match(no_file, name or text) and not Path(name or text).exists():
+    if re.match(no_file, name or text) and not Path((name or text).partition("#")[0]).exists():
         forms = ", ".join(map(":".join, SHAPES.items()))
         hint = suggest_name(kind, SHAPES, cutoff=0.8)
         raise ArgumentTypeError(f"expected a file, or one of {forms}, got {text}{hint}")
