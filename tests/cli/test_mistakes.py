@@ -67,7 +67,8 @@ MISTAKES = [
     ("graft a.bvh -o x --change upper@5-9=", USAGE, "--change: expected GROUP@FIRST-LAST"),
     ("graft a.bvh -o x --change uper@5-9", RUNTIME, "the group of --change must be an exchanged"),
     ("graft a.bvh -o x --change upper@5-9=wlk", RUNTIME, "the donor of --change must match"),
-    ("graft a.bvh -o x --change upper@5-99999", RUNTIME, "the frames of --change must be at"),
+    ("graft a.bvh -o x --change upper@5-99999", RUNTIME, "got 5-99999; did you mean 5-299?"),
+    ("graft a.bvh -o x --change upper@300-", RUNTIME, "got 300-301; did you mean 298-299?"),
     # Files
     ("info othr.bvh", RUNTIME, "othr.bvh: No such file or directory; did you mean 'other.bvh'?"),
     ("graft clps/walk.bvh -o x", RUNTIME, "No such file or directory; did you mean 'clips'?"),
@@ -171,7 +172,9 @@ MISTAKES = [
     ("graft a.bvh -o x --keep 9000-9100", RUNTIME, "frames of --keep must be within 0 to 299"),
     ("graft a.bvh -o x --keep 0-999999", RUNTIME, "frames of --keep must be within 0 to 299 "
      "(9.96667 s), got 0-999999"),
-    ("candidates a.bvh --frame 99s", RUNTIME, "--frame must be 0 to 299 (9.96667 s)"),
+    ("candidates a.bvh --frame 99s", RUNTIME, "0 to 299 (9.96667 s) in a, got 2970; "
+     "did you mean 299?"),
+    ("graft a.bvh -o x --distinct 181", USAGE, "must be an angle from 0 to 180, got 181"),
     ("export a.bvh -o x.csv --frames 100-900", RUNTIME, "--frames must be two or more"),
     ("graft a.bvh -o x --avoid cube:0,0,0,1", USAGE, "got cube"),
     ("graft a.bvh -o x --avoid sphere:0,0,0", USAGE, "expected X,Y,Z,RADIUS, got 0,0,0"),
@@ -236,7 +239,8 @@ MISTAKES = [
     ("graft a.bvh -o x --reach 9:LeftHand:@chest+0,0.1,0.3 --set reach_ik=0", INFEASIBLE,
      "no motion was written; --set reach_ik=1 satisfies them; --only-violations also tries"),
     ("graft a.bvh b.bvh -o x --only-from b --set sigma_scale=1e-6", INFEASIBLE,
-     "--set sigma_scale=1e-06 is small: a larger value allows less similar donors; --best-effort"),
+     "--set sigma_scale=1e-06 is small: a larger value allows less similar donors; --change "
+     "GROUP@FIRST-LAST=CLIP puts a part of a clip there, whatever its legs; --best-effort"),
 ]  # fmt: skip
 
 
