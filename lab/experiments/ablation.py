@@ -41,8 +41,7 @@ STEPS = {
     "balls for clusters": _defaults("neighbourhood"),
     "choice by cost": _defaults("choice"),
     "seam treatment gradient": _defaults("seam"),
-    "lean of the trunk": {"torso": "world"},
-    "sway of the pelvis": _defaults("torso"),
+    "lean of the trunk": _defaults("torso"),
     "weight of balance": _defaults("balance_weight"),
     "self-repair: the defaults": _defaults("self_repair", "feet", "reach_ik", "loop"),
 }

@@ -20,7 +20,7 @@ from mograft.body.mass import center_of_mass, mass_model
 
 RATE = 30.0
 TREATMENTS = ("gradient", "offset", "paper", "displacement", "inertial")
-TORSOS = ("pelvis", "world", "balanced")
+TORSOS = ("pelvis", "world")
 
 
 def read(path):

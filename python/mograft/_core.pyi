@@ -179,7 +179,7 @@ def smooth_gradient(
     values: FloatArray,
     donors: tuple[IntArray, IntArray, FloatArray, IntArray, FloatArray],
     weights: Sequence[float],
-    reach: float,
+    limits: tuple[float, int, float],
 ) -> None: ...
 def kinetic_energy(
     parents: IntArray, rotations: FloatArray, inertia: FloatArray, frame_time: float, omega: str

@@ -151,12 +151,10 @@ class Config:
         How a donor is stretched to the length of the base segment: at a constant rate, or by
         dynamic time warping, which aligns the base group's motion in the donor with that in the
         base segment. The warp is used only if it reduces their distance by at least 5 %.
-    torso : {"pelvis", "world", "balanced"}
+    torso : {"pelvis", "world"}
         What a grafted trunk keeps if the pelvis of the base moves differently from that of the
         donor: its angle to the pelvis (the paper), or its lean in the world, with the heading of
-        the base (Heck, Kovar and Gleicher 2006). With "balanced" it keeps its lean too, and in
-        addition responds to the sway of the base's pelvis as the trunk of the base does
-        (docs/seams.md).
+        the base (Heck, Kovar and Gleicher 2006).
     loop : {"auto", "on", "off"}
         Whether the last frame of a graft meets its first. "auto": if those of the base do, in pose
         and velocity, as in the walk cycle of a game. "on": always. "off": never. It has no effect
@@ -225,7 +223,7 @@ class Config:
     seam_window: float = setting("blend", 5 * FRAME, 0)
     seam_blend: float = setting("blend", 0.3)
     alignment: Literal["uniform", "dtw"] = setting("blend", "uniform")
-    torso: Literal["pelvis", "world", "balanced"] = setting("blend", "balanced")
+    torso: Literal["pelvis", "world"] = setting("blend", "world")
     loop: Literal["auto", "on", "off"] = setting("search", "auto")
     self_repair: bool = setting("search", default=True)
     feet: Literal["auto", "never"] = setting("blend", "auto")

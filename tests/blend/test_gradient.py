@@ -26,7 +26,8 @@ def terms(layout, space, tracks):
     """Donors' values, velocities and accelerations, frame by frame, in plain loops.
 
     Lists of (frames, coefficients, target) for values, velocities and accelerations; a frame that
-    two donors share has two values of half weight.
+    two donors share has two values of half weight. Beside a seam, half of the difference of the
+    accelerations there is added or subtracted, less with each frame.
     """
     cut, donors = layout.timeline.cut, layout.timeline.donors
     track = tracks[0]
@@ -52,6 +53,14 @@ def terms(layout, space, tracks):
             accelerations.setdefault(int(frame), []).append(
                 (three[1] - three[0]) * (own / length) ** 2
             )
+    for k in np.flatnonzero(layout.seams).tolist():
+        seam = int(cut.stop[k])
+        half = 0.5 * np.subtract(*accelerations[seam][::-1])
+        for length, side in ((int(cut.lengths[k]), -1), (int(cut.lengths[k + 1]), 1)):
+            reach = min(TAU, length)
+            for f in range(1, length):
+                if f < reach:
+                    accelerations[seam + side * f][0] -= side * (1.0 - f / reach) * half
     return values, velocities, accelerations
 
 
@@ -142,3 +151,23 @@ def test_smooth_gradient_agrees_with_numpy(lengths, seed, blend, is_concatenated
         wanted = oracle.smooth_gradient(closed, (1.0, TAU**2, TAU**4))
         found = SEAM_TREATMENTS["gradient"].smooth(closed)
         np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-11)
+
+
+@few_examples(20)
+@given(SEGMENT_LENGTHS, SEEDS, st.sampled_from([20.0, 30.0, 60.0, 120.0]))
+def test_seam_accelerations_are_second_differences_over_a_thirtieth_of_a_second(
+    lengths, seed, rate
+):
+    layout = random_layout(lengths, seed)
+    timeline, seams = replace(layout.timeline, rate=rate), np.flatnonzero(layout.seams)
+    step, track = max(1, round(rate / 30.0)), layout.positions[0]
+    found = timeline.boundaries(TRANSLATIONS, layout.positions, seams).accelerations
+    for index, seam in enumerate(seams):
+        for side, segment, end in ((0, seam, "stop"), (1, seam + 1, "start")):
+            frame = int(getattr(timeline.donors, end)[segment])
+            if not step <= frame < len(track) - step:
+                continue
+            pace = timeline.donors.lengths[segment] / timeline.cut.lengths[segment]
+            three = track[[frame - step, frame, frame + step]]
+            wanted = (three[0] - 2.0 * three[1] + three[2]) * (pace / step) ** 2
+            np.testing.assert_allclose(found[side, index], wanted, rtol=0, atol=1e-9)

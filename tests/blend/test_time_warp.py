@@ -220,7 +220,7 @@ def test_boundaries_warped_donors_have_derivatives_of_their_curves(
             (ends.velocity_after, rate * after[0]),
         ):
             np.testing.assert_allclose(found, expected, rtol=0, atol=60.0 / rate**2)
-        expected = 0.5 * rate**2 * (before[1] + after[1])
+        expected = rate**2 * np.stack([before[1], after[1]])
         found = rate**2 * ends.accelerations
         np.testing.assert_allclose(found, expected, rtol=0, atol=60.0 / rate)
 

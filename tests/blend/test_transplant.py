@@ -309,9 +309,9 @@ def test_transplant_torso_world_is_independent_of_donor_heading(a, b, yaw):
 
 
 @few_examples(40)
-@given(SEGMENT_LENGTHS, SEEDS, CONFIGS, st.sampled_from(["world", "balanced"]))
-def test_transplant_lean_of_base_onto_itself_changes_no_bit(lengths, seed, config, torso):
-    config = replace(config, torso=torso)
+@given(SEGMENT_LENGTHS, SEEDS, CONFIGS)
+def test_transplant_lean_of_base_onto_itself_changes_no_bit(lengths, seed, config):
+    config = replace(config, torso="world")
     cut = tile_segments(lengths)
     base = person(seed, int(lengths.sum()) + 1)
     part = transplant(base, cut, cut, [base], UPPER, config)
@@ -331,7 +331,7 @@ def test_transplant_leans_change_only_trunks_on_other_groups():
     for joints in (np.arange(1, 4), np.arange(8, 12), np.arange(18)):
         own, *others = (
             transplant(base, cut, cut, [donor], GraftedGroup(joints, root=0), Config(torso=torso))
-            for torso in ("pelvis", "world", "balanced")
+            for torso in ("pelvis", "world")
         )
         for other in others:
             np.testing.assert_array_equal(own.rotations, other.rotations)

@@ -64,12 +64,17 @@ def test_frame_count_below_two_is_refused(text):
         values.frame_count(text)
 
 
-def test_avoid_and_reach_accept_ranges():
+def test_avoid_and_reach_accept_ranges(tmp_path):
     assert values.obstacle("sphere:0,90,0,20") == ("sphere", (0.0, 90.0, 0.0, 20.0), None)
     assert values.obstacle("sphere:0,90,0,20@5-9") == ("sphere", (0.0, 90.0, 0.0, 20.0), (5, 9))
     assert values.obstacle("b.bvh@1s-2s") == ("b.bvh", (0.0,) * 4, (1.0, 2.0))
     assert values.obstacle("b.bvh@1,2,3@4-5") == ("b.bvh", (1.0, 2.0, 3.0, 0.0), (4, 5))
     assert values.obstacle("b@2.bvh@1,2,3") == ("b@2.bvh", (1.0, 2.0, 3.0, 0.0), None)
+    (tmp_path / "m=1.glb").write_bytes(b"")
+    for clip in ("", "#Rig: Walk, 2"):
+        path = f"{tmp_path / 'm=1.glb'}{clip}"
+        assert values.obstacle(path) == (path, (0.0,) * 4, None)
+        assert values.obstacle(f"{path}@1,2,3") == (path, (1.0, 2.0, 3.0, 0.0), None)
     assert values.frame_or_frames("7") == (7, 7)
     place = (1.0, 2.0, 3.0)
     assert values.reach("5-9:Hand:1,2,3") == ((5, 9), "Hand", None, place, 0.03)

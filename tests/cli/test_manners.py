@@ -7,6 +7,7 @@ import sys
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -130,6 +131,21 @@ def test_verbose_graft_lists_every_exchanged_segment(run, clip):
     assert n_exchanged > 0
     assert long.count("    segment ") == n_exchanged
     assert short.count("    segment ") == 0
+
+
+def test_damaged_library_gives_one_warning_in_plain_words(run, clip):
+    """Velocities at the ends of segments of which a bit was changed overflow in the search."""
+    assert run("index", clip, "-o", "lib")[0] == 0
+    for file in Path("lib").rglob("first_velocity.npy"):
+        velocities = np.load(file)
+        velocities[::2, :, 0] = 1e200
+        np.save(file, velocities)
+    code, _, err = run("graft", "lib", "-o", "g.bvh")
+    assert code == 0
+    assert [line for line in err.splitlines() if "warning" in line] == [
+        "warning: the input has numbers that are too large, so that the result may be wrong: find "
+        "them with mograft lib verify LIBRARY or mograft check FILE"
+    ]
 
 
 def test_equal_warnings_are_printed_once(run, clip, monkeypatch):

@@ -67,7 +67,8 @@ MISTAKES = [
     ("graft a.bvh -o x --change upper@5-9=", USAGE, "--change: expected GROUP@FIRST-LAST"),
     ("graft a.bvh -o x --change uper@5-9", RUNTIME, "the group of --change must be an exchanged"),
     ("graft a.bvh -o x --change upper@5-9=wlk", RUNTIME, "the donor of --change must match"),
-    ("graft a.bvh -o x --change upper@5-99999", RUNTIME, "the frames of --change must be at"),
+    ("graft a.bvh -o x --change upper@5-99999", RUNTIME, "got 5-99999; did you mean 5-299?"),
+    ("graft a.bvh -o x --change upper@300-", RUNTIME, "got 300-301; did you mean 298-299?"),
     # Files
     ("info othr.bvh", RUNTIME, "othr.bvh: No such file or directory; did you mean 'other.bvh'?"),
     ("graft clps/walk.bvh -o x", RUNTIME, "No such file or directory; did you mean 'clips'?"),
@@ -171,7 +172,9 @@ MISTAKES = [
     ("graft a.bvh -o x --keep 9000-9100", RUNTIME, "frames of --keep must be within 0 to 299"),
     ("graft a.bvh -o x --keep 0-999999", RUNTIME, "frames of --keep must be within 0 to 299 "
      "(9.96667 s), got 0-999999"),
-    ("candidates a.bvh --frame 99s", RUNTIME, "--frame must be 0 to 299 (9.96667 s)"),
+    ("candidates a.bvh --frame 99s", RUNTIME, "0 to 299 (9.96667 s) in a, got 2970; "
+     "did you mean 299?"),
+    ("graft a.bvh -o x --distinct 181", USAGE, "must be an angle from 0 to 180, got 181"),
     ("export a.bvh -o x.csv --frames 100-900", RUNTIME, "--frames must be two or more"),
     ("graft a.bvh -o x --avoid cube:0,0,0,1", USAGE, "got cube"),
     ("graft a.bvh -o x --avoid sphere:0,0,0", USAGE, "expected X,Y,Z,RADIUS, got 0,0,0"),
@@ -192,7 +195,14 @@ MISTAKES = [
     ("graft a.bvh -o x --set sigma_scale=nan", USAGE, "--set: `sigma_scale` must be above 0"),
     ("graft a.bvh -o x --reach 5:Hand:1,2", USAGE, "expected FRAME:JOINT:X,Y,Z[~TOL]"),
     ("graft a.bvh -o x --avoid sphere:0,0,0,-1", USAGE, "`radius` must not be negative"),
-    ("graft a.bvh -o x --take 24", USAGE, "expected SEGMENT=CLIP:FIRST-LAST, such as"),
+    ("graft a.bvh -o x --take 24", USAGE, "LAST as mograft candidates lists it, such as 24=walk"),
+    ("graft a.bvh -o x --take 24:a:9-3", USAGE, "got 24:a:9-3; did you mean '24=a:3-9'?"),
+    ("graft a.bvh -o x --keep 3s-4", USAGE, "got 3s-4; did you mean '3s-4s'?"),
+    ("graft a.bvh -o x --face 10-20:0,90,0", USAGE, "did you mean '0,90,0@10-20'?"),
+    ("graft a.bvh -o x --avoid sphere=0,90,0,20", USAGE, "did you mean 'sphere:0,90,0,20'?"),
+    ("export a.bvh -o x.npz --frames 10..20", USAGE, "got 10..20; did you mean '10-20'?"),
+    ("augment a.bvh -o x -n 2 --seconds 2,5", USAGE, "got 2,5; did you mean '2.5'?"),
+    ("graft a.bvh -o x --set seam_blend:0.6", USAGE, "did you mean 'seam_blend=0.6'?"),
     ("graft a.bvh -o x --ban 3=", USAGE, "expected SEGMENT, SEGMENT=CLIP or"),
     ("graft a.bvh -o x --only-violations -n 2", USAGE,
      "--count cannot be combined with --only-violations"),
@@ -229,7 +239,8 @@ MISTAKES = [
     ("graft a.bvh -o x --reach 9:LeftHand:@chest+0,0.1,0.3 --set reach_ik=0", INFEASIBLE,
      "no motion was written; --set reach_ik=1 satisfies them; --only-violations also tries"),
     ("graft a.bvh b.bvh -o x --only-from b --set sigma_scale=1e-6", INFEASIBLE,
-     "--set sigma_scale=1e-06 is small: a larger value allows less similar donors; --best-effort"),
+     "--set sigma_scale=1e-06 is small: a larger value allows less similar donors; --change "
+     "GROUP@FIRST-LAST=CLIP puts a part of a clip there, whatever its legs; --best-effort"),
 ]  # fmt: skip
 
 

@@ -65,13 +65,29 @@ def _slopes(closed, values, is_step, weights):
     slopes[:-1] -= errors
     slopes[1:] += errors
     targets = np.diff(targets, axis=0)
-    targets[at_seams - 1] = closed.seam_accelerations[shares[closed.seams]]
+    before, after = closed.seam_accelerations[:, shares[closed.seams]]
+    targets[at_seams - 1] = 0.5 * (before + after)
+    _spread(targets, cut, seams, 0.5 * (after - before), np.sqrt(weights[1]))
     has_acceleration = (is_step[:-1] & is_step[1:])[:, None, None]
     errors = weights[2] * (np.diff(steps, axis=0) - targets) * has_acceleration
     slopes[:-2] += errors
     slopes[1:-1] -= 2.0 * errors
     slopes[2:] += errors
     return slopes
+
+
+def _spread(targets, cut, seams, halves, spread):
+    """Add half of each seam's difference of accelerations before it, and subtract it after it.
+
+    `targets` are the accelerations in all frames but the first and the last. The share falls
+    linearly to 0 within `spread` frames, and within the segment.
+    """
+    for seam, half in zip(seams, halves, strict=True):
+        for segment, sign in ((seam, 1), (seam + 1, -1)):
+            inner = np.arange(cut.start[segment] + 1, cut.stop[segment])
+            distance = np.abs(inner - cut.stop[seam])
+            share = np.maximum(1.0 - distance / min(spread, cut.lengths[segment]), 0.0)
+            targets[inner - 1] += sign * share[:, None, None] * half
 
 
 def _free_frames(closed):

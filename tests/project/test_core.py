@@ -97,9 +97,9 @@ CALLS = {
     "slerp": (np.arange(4.0), quats(4, 2), floats(5)),
     "smooth_gradient": (
         quats(5, 2),
-        (indices(0, 2), indices(2, 4), quats(6, 2), indices(0), floats(1, 2, 3)),
+        (indices(0, 2), indices(2, 4), quats(6, 2), indices(0), floats(2, 1, 2, 3)),
         [1.0, 4.0, 16.0],
-        3.0,
+        (3.0, 1, 2.0),
     ),
     "to_euler": (quats(4, 2), (2, 0, 1), (0.0, 0.0, 0.0)),
     "velocity_gaps": (floats(4, 2, 3), floats(3, 2, 3)),
@@ -302,9 +302,11 @@ def assert_same(found, expected, message):
 
 
 def test_core_with_array_that_is_also_changed_raises_type_error():
-    values, (starts, stops, _, seams, accelerations), weights, reach = CALLS["smooth_gradient"]
+    values, (starts, stops, _, seams, accelerations), weights, limits = CALLS["smooth_gradient"]
     values = values.copy()
     with pytest.raises(TypeError, match="already borrowed"):
-        _core.smooth_gradient(values, (starts, stops, values, seams, accelerations), weights, reach)
+        _core.smooth_gradient(
+            values, (starts, stops, values, seams, accelerations), weights, limits
+        )
     with pytest.raises(TypeError, match="not writeable"):
         _core.scan_numbers(b"1", 0, lock(floats(3)), last=True)

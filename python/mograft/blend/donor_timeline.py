@@ -18,7 +18,7 @@ from mograft.blend.seams import (
     ValueSpace,
 )
 from mograft.blend.time_warp import TimeWarp
-from mograft.config import Config
+from mograft.config import FRAME, Config
 from mograft.motion import rotations
 from mograft.motion.resample import clip_states, sample_clips
 from mograft.motion.segments import Segments
@@ -131,8 +131,8 @@ class DonorTimeline:
             (seams + 1, self.donors.start, 0, np.zeros_like(self.cut.lengths)),
         ):
             donors = self.donors[segments]
-            states = clip_states(tracks, donors.clip, frames[segments])
-            values, velocities, accelerations = states
+            values, velocities, accelerations = clip_states(tracks, donors.clip, frames[segments])
+            self._smooth_accelerations(accelerations, tracks, donors.clip, frames[segments])
             if self.alignment is not None:
                 self.alignment.apply(space, values, segments, velocities)
             speed = self.rate * donors.lengths / self.cut.lengths[segments]
@@ -144,10 +144,28 @@ class DonorTimeline:
                 own = self._warped_accelerations(space, tracks, warped, first[warped])
                 accelerations[is_warped] = own
             velocities *= speed[:, None, None]
-            sides.append(states)
+            sides.append((values, velocities, accelerations))
         (before, velocity_before, ending), (after, velocity_after, starting) = sides
-        mean = 0.5 * (ending + starting)
-        return SeamBoundaries(space, before, after, velocity_before, velocity_after, mean)
+        both = np.stack([ending, starting])
+        return SeamBoundaries(space, before, after, velocity_before, velocity_after, both)
+
+    def _smooth_accelerations(
+        self,
+        accelerations: FloatArray,
+        tracks: Sequence[FloatArray],
+        clips: IntArray,
+        frames: IntArray,
+    ) -> None:
+        """Convert second differences at frames of clips to those over about 1/30 s, in place.
+
+        At a high frame rate, those of successive frames would mostly be noise.
+        """
+        step, last = max(1, round(FRAME * self.rate)), np.array([len(own) - 1 for own in tracks])
+        accelerations /= step
+        for distance in range(1, step):
+            for at in frames - distance, frames + distance:
+                own = clip_states(tracks, clips, at.clip(0, last[clips]))[2]
+                accelerations += own * ((step - distance) / step**2)
 
     def _warped_accelerations(
         self, space: ValueSpace, tracks: Sequence[FloatArray], segments: IntArray, first: IntArray

@@ -11,7 +11,7 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.blend import seams
 
 _GRADIENT_SECONDS = 2.0 / 15.0
-"""Seconds over which a gap is spread: 4 frames at 30 frames per second.
+"""Seconds over which gaps are spread, also of accelerations: 4 frames at 30 frames per second.
 
 Of 2 to 8 frames, 4 to 6 made seams least detectable in the clips `dance_*`, `basket` and `bandai`.
 """
@@ -112,8 +112,10 @@ class _Gradient(_Offset):
 
     Minimises Σ τ⁴ |ẍ - a|² + τ² |ẋ - v|² + |x - d|² per joint, where d, v and a are the value,
     velocity and acceleration of the donors, and τ is `_GRADIENT_SECONDS`. At a seam, d and a are
-    the means of both donors. Frames more than `Config.seam_blend` seconds from all seams, and the
-    first and last frame of the motion, are fixed. The solution for all other frames is one
+    the means of both donors. Beside it, half of the difference of their accelerations is added to a
+    on the one side and subtracted on the other; it falls linearly to 0 within τ, and not later than
+    at the other end of the segment. Frames more than `Config.seam_blend` seconds from all seams,
+    and the first and last frame of the motion, are fixed. The solution for all other frames is one
     Gauss-Newton step from the result of `_Offset`; for translations it is exact.
 
     Derivatives are finite differences of frames. The method is gradient-domain compositing after
@@ -184,16 +186,17 @@ def fit_donors(
     donors: tuple[IntArray, IntArray, FloatArray, IntArray, FloatArray],
     rate: float,
     reach: float,
+    n_fixed: int = 1,
 ) -> FloatArray:
     """Minimise the sum that "gradient" has, near seams, by changing `values` in place.
 
     Returns `values`, whose shape is (n_frames, n_joints, 4 or 3). `donors` has the first and the
     last frame of each segment and, as in `ClosedFrames`, the donor rows, seams and seam
     accelerations. `reach` is the greatest distance of a changed frame from a seam, in frames, and
-    `rate` is in frames per second.
+    `rate` is in frames per second. The first `n_fixed` frames do not change.
     """
     tau = _GRADIENT_SECONDS * rate
-    _core.smooth_gradient(values, donors, (1.0, tau**2, tau**4), reach)
+    _core.smooth_gradient(values, donors, (1.0, tau**2, tau**4), (reach, n_fixed, tau))
     return values
 
 

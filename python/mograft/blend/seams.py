@@ -129,8 +129,9 @@ class SeamBoundaries:
     after: FloatArray  # first value of the piece after it
     velocity_before: FloatArray
     velocity_after: FloatArray
-    # Mean of both donors, per frame², in the axes of their clips; empty if unknown.
-    accelerations: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 3)))
+    # (2, n_seams, n_joints, 3): of the donors before the seams and of those after them, per frame²,
+    # in the axes of their clips; empty if unknown.
+    accelerations: FloatArray = field(default_factory=lambda: np.zeros((2, 0, 0, 3)))
 
     def gaps(self) -> FloatArray:
         """Return the delta from the value before each seam to that after it; 0 if equal."""
@@ -200,7 +201,7 @@ class ClosedFrames:
     blend: float  # `Config.seam_blend` in frames
     rate: float  # frames per second
     donor_rows: FloatArray  # (n_rows, n_joints, 4 or 3), by segment; a shared frame occurs twice
-    seam_accelerations: FloatArray  # (n_seams, n_joints, 3): mean of both donors, per frame²
+    seam_accelerations: FloatArray  # those of `SeamBoundaries`
 
 
 def at_piece_ends(per_seam: FloatArray, piece: IntArray) -> tuple[FloatArray, FloatArray]:

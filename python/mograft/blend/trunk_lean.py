@@ -14,7 +14,6 @@ from mograft.body.anatomy import anatomy
 from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
-from mograft.motion.skeleton import Skeleton
 
 HEADING_SMOOTHING = 0.2
 """Standard deviation, in seconds, of the Gaussian that smooths headings.
@@ -29,12 +28,6 @@ Chosen from 0 to 0.2 s on recordings of the G1: neither the angle of the waist n
 the trunk has larger accelerations than in the recordings.
 """
 
-SWAY_SMOOTHING = 0.1
-"""Standard deviation, in seconds, of the Gaussian that separates sway from slower motion.
-
-Chosen from 0.05, 0.1 and 0.2 s on the clips `dance_*` by the jerk of the head.
-"""
-
 
 @dataclass(frozen=True, eq=False)
 class TrunkLean:
@@ -44,15 +37,13 @@ class TrunkLean:
     R_i⁻¹ Y_i Y_k⁻¹ R_k q_k on the base i. R is the world rotation of the parent joint, and Y the
     part of R about the up axis, its heading. Y is smoothed over `HEADING_SMOOTHING` seconds,
     because the pelvis swings about the up axis with every step and the trunk compensates for that.
-    After Heck, Kovar and Gleicher (2006). With ``torso="balanced"``, Y_k⁻¹ is multiplied by the
-    `sway_compensation` of clip k, and Y_i by the inverse of that of the base.
+    After Heck, Kovar and Gleicher (2006).
     """
 
     joints: IntArray  # the group's joints
     columns: Sequence[int]  # indices in `joints` of trunk joints whose parent is in another group
     up: int  # the axis that points up
     uprights: FloatArray  # result of `_uprights` for the parent of each trunk joint
-    is_balanced: bool  # whether leans contain the sway compensation
     base_leans: FloatArray  # Y_i⁻¹ R_i in each frame of the base, (n_frames, n_columns, 4)
     # Rotations of donors with these leans. All calls of `transplant` have the same `clips`.
     sampled: SampledDonors = field(default_factory=SampledDonors)
@@ -61,7 +52,6 @@ class TrunkLean:
     def from_config(cls, base: Motion, joints: IntArray, up: int, config: Config) -> "TrunkLean":
         """Find the trunk joints with a parent in another group; none if ``torso="pelvis"``."""
         parents, columns = base.skeleton.parents, []
-        is_balanced = config.torso == "balanced"
         if config.torso != "pelvis":
             parts = anatomy(base.skeleton).parts
             columns = [
@@ -71,14 +61,13 @@ class TrunkLean:
             ]
         if not columns:
             no_leans = np.empty((base.n_frames, 0, 4))
-            return cls(joints, [], up, np.empty((0, 4)), is_balanced, no_leans)
+            return cls(joints, [], up, np.empty((0, 4)), no_leans)
         trunks = joints[columns]
         key = ("uprights", parents[trunks].tobytes(), up)
         uprights = remember(
             base, key, lambda: _uprights(_world_rotations(base, parents[trunks]), up)
         )
-        leans = _leans(base, trunks, up, uprights, is_balanced=is_balanced)
-        return cls(joints, columns, up, uprights, is_balanced, leans)
+        return cls(joints, columns, up, uprights, _leans(base, trunks, up, uprights))
 
     def at(self, frames: IntArray) -> "TrunkLean":
         """Return the `TrunkLean` of a base that consists of the given frames of this base."""
@@ -95,15 +84,14 @@ class TrunkLean:
         if len(columns) < len(self.joints):
             return self._remove(clip, columns)
         key = ("tracks", self.joints.tobytes(), *self.columns, self.uprights.tobytes())
-        return remember(clip, (*key, self.is_balanced), lambda: self._remove(clip, columns))
+        return remember(clip, key, lambda: self._remove(clip, columns))
 
     def _remove(self, clip: Motion, columns: range) -> FloatArray:
         tracks = clip.rotations.take(self.joints[columns.start : columns.stop], axis=1)
         trunk = [index for index, column in enumerate(self.columns) if column in columns]
         if trunk:
             trunks = self.joints[list(self.columns)]
-            leans = _leans(clip, trunks, self.up, self.uprights, is_balanced=self.is_balanced)
-            leans = leans[:, trunk]
+            leans = _leans(clip, trunks, self.up, self.uprights)[:, trunk]
             own = [self.columns[index] - columns.start for index in trunk]
             tracks[:, own] = rotations.multiply(leans, tracks[:, own])
         make_read_only(tracks)
@@ -124,9 +112,7 @@ class TrunkLean:
         quats[:, self.columns] = np.where(is_same[..., None], given, leaning)
 
 
-def _leans(
-    clip: Motion, trunks: IntArray, up: int, uprights: FloatArray, *, is_balanced: bool
-) -> FloatArray:
+def _leans(clip: Motion, trunks: IntArray, up: int, uprights: FloatArray) -> FloatArray:
     """Return the lean of the parent of each trunk joint: its world rotation without heading, Y⁻¹ R.
 
     The shape is (n_frames, n_trunks, 4). The array is cached for the clip.
@@ -140,13 +126,9 @@ def _leans(
         sigma = (ROBOT_HEADING_SMOOTHING if is_robot else HEADING_SMOOTHING) * clip.rate
         smooth = gaussian_filter_columns(angles, sigma)
         to_heading = rotations.inverse(rotations.from_axis_angle(np.eye(3)[up], smooth))
-        leans = rotations.multiply(to_heading, world)
-        for column, trunk in enumerate(trunks.tolist() if is_balanced else ()):
-            freed = sway_compensation(clip, trunk, up, to_heading[:, column])
-            leans[:, column] = rotations.multiply(freed, leans[:, column])
-        return leans
+        return rotations.multiply(to_heading, world)
 
-    return remember(clip, ("leans", trunks.tobytes(), up, uprights.tobytes(), is_balanced), compute)
+    return remember(clip, ("leans", trunks.tobytes(), up, uprights.tobytes()), compute)
 
 
 def _world_rotations(clip: Motion, joints: IntArray) -> FloatArray:
@@ -167,56 +149,3 @@ def _uprights(world: FloatArray, up: int) -> FloatArray:
     main = np.abs(mean).argmax(axis=1)
     signs = np.sign(mean[np.arange(len(mean)), main])
     return rotations.shortest_arc(axis, np.eye(3)[main] * signs[:, None])
-
-
-def sway_compensation(clip: Motion, trunk: int, up: int, to_heading: FloatArray) -> FloatArray:
-    """Return the rotations that remove from a trunk its response to the sway of its parent.
-
-    The sway s is the position of the parent of joint `trunk`, less its average over
-    `SWAY_SMOOTHING` seconds. The relative sway r is computed likewise from the position of the head
-    relative to that parent. For each horizontal axis of the heading, the response is the factor b
-    that minimizes the sum of (r - b s)² over all frames. The rotation in each frame is about joint
-    `trunk` and displaces the head by -b s. It is relative to the heading: it is applied after
-    `to_heading`, which rotates from the world to the heading. Both have shape (n_frames, 4). In a
-    skeleton without neck and head, the last joint of the trunk replaces the head. If that joint is
-    `trunk`, all rotations are the identity. In a robot, the origins of whose bodies may be
-    anywhere, the middle of the shoulders replaces the head.
-    """
-    tops = _top_joints(clip.skeleton, trunk)
-    parent = int(clip.skeleton.parents[trunk])
-    pelvis, pivot = (joint_track(clip, joint)[1] for joint in (parent, trunk))
-    top = np.mean([joint_track(clip, joint)[1] for joint in tops], axis=0)
-    lever = rotations.rotate(to_heading, top - pivot).mean(axis=0)
-    length = float(np.sqrt((lever**2).sum()))
-    if length == 0.0:
-        return np.tile(rotations.IDENTITY, (clip.n_frames, 1))
-    sigma = SWAY_SMOOTHING * clip.rate
-    sway, relative = (
-        rotations.rotate(to_heading, path - gaussian_filter_columns(path, sigma))
-        for path in (pelvis, top - pelvis)
-    )
-    power = (sway**2).sum(axis=0)
-    response = (sway * relative).sum(axis=0) / np.where(power > 0.0, power, np.inf)
-    response[up] = 0.0
-    # The smallest rotation that displaces the end of the lever by -b s, as far as it is
-    # perpendicular to the lever.
-    return rotations.exp(np.cross(lever / length, -response * sway) / length)
-
-
-def _top_joints(skeleton: Skeleton, trunk: int) -> list[int]:
-    """Return the joints, among `trunk` and its subtree, the mean position of which is the head's.
-
-    It is the first joint of the head, or else the last one of the neck, or else the last one of the
-    trunk; in a robot, the shoulders.
-    """
-    known = anatomy(skeleton)
-    is_carried = skeleton.subtree_mask([trunk])
-    if skeleton.hinges is not None:
-        shoulders = known.highest("upper_arm", skeleton)
-        if shoulders and is_carried[shoulders].all():
-            return shoulders
-    for part, index in (("head", 0), ("neck", -1), ("trunk", -1)):
-        found = [joint for joint in known.joints(part) if is_carried[joint]]
-        if found:
-            return [found[index]]
-    return [trunk]

@@ -20,6 +20,11 @@ from mograft.errors import FormatError, MograftError, ProvenanceError, suggest_p
 
 __all__ = ["COMMANDS", "main"]
 
+_BEYOND_RANGE = (
+    "the input has numbers that are too large, so that the result may be wrong: find them with "
+    "mograft lib verify LIBRARY or mograft check FILE"
+)
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command in `arguments` (default: ``sys.argv[1:]``) and return the exit code."""
@@ -30,9 +35,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     shown: set[str] = set()
 
     def show_once(message: Warning | str, *_: object, **__: object) -> None:
-        if str(message) not in shown:
-            shown.add(str(message))
-            print_remark(f"warning: {with_flags(str(message), options)}")
+        # NumPy's warnings tell a user nothing; sound motions cause none.
+        text = _BEYOND_RANGE if isinstance(message, RuntimeWarning) else str(message)
+        if text not in shown:
+            shown.add(text)
+            print_remark(f"warning: {with_flags(text, options)}")
 
     with escape_output(), warnings.catch_warnings():
         command, options, parser = parse(COMMANDS, arguments)

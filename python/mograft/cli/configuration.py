@@ -1,7 +1,7 @@
 """The library, joint groups, configuration and constraints that the options of a command select."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +57,11 @@ _CONFLICTS = {
     "beats": ("length", "path"),
 }
 """Options that cannot be combined."""
+
+_SHAPES: Mapping[str, Callable[..., Obstacle]] = {
+    **{"sphere": Sphere, "capsule": Capsule, "box": Box, "wall": HalfSpace}
+}
+"""The shapes of ``--avoid``, which are made of their points and a radius, if they have one."""
 
 _FIXED_FIELDS = Config.fields_of(*BUILD_STAGES)
 """Fields of `Config` that can only be set when a library is created."""
@@ -295,17 +300,11 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
     `kind` is the name of a shape, such as ``"sphere"``, or the address of a character's motion.
     `numbers` are the dimensions of the shape, or the character's position and yaw in degrees.
     """
-    x, y, z, *rest = numbers
-    place = (x, y, z)
-    if kind not in values.SHAPES:
-        return Character(read_clip(kind), place, math.radians(rest[0]))
+    points, rest = [numbers[k : k + 3] for k in range(0, len(numbers) - 2, 3)], numbers[-1]
+    if kind not in _SHAPES:
+        return Character(read_clip(kind), (numbers[0], numbers[1], numbers[2]), math.radians(rest))
     try:
-        if kind == "sphere":
-            return Sphere(place, rest[0])
-        vector = (rest[0], rest[1], rest[2])
-        if kind == "capsule":
-            return Capsule(place, vector, rest[3])
-        return Box(place, vector) if kind == "box" else HalfSpace(place, vector)
+        return _SHAPES[kind](*points, *([rest] * (len(numbers) % 3)))
     except ValueError as error:
         raise UsageError(f"--avoid {kind}: {error}") from None
 

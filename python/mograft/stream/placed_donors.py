@@ -8,7 +8,7 @@ import numpy as np
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.blend.seam_treatments import SEAM_TREATMENTS, fit_donors
 from mograft.blend.seams import ROTATIONS, PieceTimes, SeamBoundaries
-from mograft.config import Config
+from mograft.config import FRAME, Config
 from mograft.motion.resample import cubic
 
 VELOCITY_STEP = 0.01  # frames between the values that give the velocity at the end of a segment
@@ -68,15 +68,22 @@ class SampledDonors:
 
     @property
     def start_acceleration(self) -> FloatArray:
-        """Accelerations in the first frame, in radians per frame², shape (n, n_joints, 3)."""
-        step = ROTATIONS.delta(self.values[:, 0], self.values[:, 1])
-        return 2.0 * (step - self.start_velocity / self.rate)
+        """Accelerations in the first 1/30 s, in radians per frame², shape (n, n_joints, 3)."""
+        n = self._n_steps
+        step = ROTATIONS.delta(self.values[:, 0], self.values[:, n])
+        return 2.0 / n * (step / n - self.start_velocity / self.rate)
 
     @property
     def end_acceleration(self) -> FloatArray:
-        """Accelerations in the last frame, in radians per frame², shape (n, n_joints, 3)."""
-        step = ROTATIONS.delta(self.values[:, -4], self.values[:, -3])
-        return 2.0 * (self.end_velocity / self.rate - step)
+        """Accelerations in the last 1/30 s, in radians per frame², shape (n, n_joints, 3)."""
+        n = self._n_steps
+        step = ROTATIONS.delta(self.values[:, -3 - n], self.values[:, -3])
+        return 2.0 / n * (self.end_velocity / self.rate - step / n)
+
+    @property
+    def _n_steps(self) -> int:
+        """Frame intervals of accelerations: in shorter ones, they would mostly be noise."""
+        return max(1, min(round(FRAME * self.rate), self.values.shape[1] - 3))
 
     def place(self, previous: PlacedDonor | None, config: Config) -> FloatArray:
         """Return `values` with the seam between the committed motion and each donor closed.
@@ -144,28 +151,28 @@ class SampledDonors:
         # The starting point of the solution is continuous.
         parts = [placed.frames, following.place(placed, config)[0, 1:-2]]
         rows = [self.frames[0], following.frames[0]]
+        ending, starting = [self.end_acceleration[0]], [following.start_acceleration[0]]
         n_before = 0
         if previous is not None:
             n_before = 1
             parts.insert(0, previous.frames[-2:-1])
-            # The kernel takes the acceleration in the first frame from the steps beside it.
-            acceleration = 0.5 * (previous.end_acceleration + self.start_acceleration[0])
-            step_before = ROTATIONS.delta(*rows[0][:2]) - acceleration
-            rows.insert(0, np.stack([ROTATIONS.add(rows[0][0], -step_before), rows[0][0]]))
+            rows.insert(0, rows[0][[0, 0]])  # a step between fixed frames, which has no effect
+            ending.insert(0, previous.end_acceleration)
+            starting.insert(0, self.start_acceleration[0])
         stops = np.cumsum([len(own) - 1 for own in rows])
-        acceleration = 0.5 * (self.end_acceleration + following.start_acceleration)
         smooth = fit_donors(
             np.concatenate(parts),
             (
                 np.append(0, stops[:-1]),
                 stops,
                 np.concatenate(rows),
-                np.array([n_before]),
-                acceleration,
+                np.arange(n_before + 1),
+                np.stack([ending, starting]),
             ),
             self.rate,
-            # The first frame of the segment is the nearest one that does not change.
+            # The next seam may change all frames of the segment but the first.
             float(len(self.frames[0]) - 2),
+            n_fixed=1 + n_before,
         )
         stop = int(stops[n_before])
         steps = ROTATIONS.delta(smooth[stop - 1 : stop + 1], smooth[stop : stop + 2])

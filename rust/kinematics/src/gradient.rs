@@ -21,8 +21,9 @@ pub struct Donors<'a, V> {
     pub rows: &'a [V],
     /// Segments that end with a seam, ascending.
     pub seams: &'a [usize],
-    /// Acceleration at each seam, per frame², joint by joint.
-    pub accelerations: &'a [DVec3],
+    /// Accelerations of the donors at each seam, of those that end there and of those that start
+    /// there, per frame², joint by joint.
+    pub accelerations: [&'a [DVec3]; 2],
 }
 
 /// What [`smooth_gradient`] minimises, and where.
@@ -32,6 +33,10 @@ pub struct Objective {
     pub weights: [f64; 3],
     /// Greatest distance in frames from a seam at which a frame may change.
     pub reach: f64,
+    /// Frames at the start that keep their values; the first one always does.
+    pub n_fixed: usize,
+    /// Distance in frames from a seam at which accelerations are those of the donors alone.
+    pub spread: f64,
 }
 
 /// Move `values` to the frames whose values, velocities and accelerations are nearest to donors'.
@@ -39,9 +44,10 @@ pub struct Objective {
 /// `values` are all frames of `n_joints`, the first of them the first of segment 0. Minimises the
 /// weighted sum of squared errors by one Gauss-Newton step from `values`; for translations it is
 /// exact. Derivatives are finite differences. A frame that two donors share has the mean of the
-/// errors from both; at a seam `Donors::accelerations` replaces the acceleration of a donor. The
-/// first and the last frame, frames away from seams and joints whose donors are
-/// constant up to 1e-12 keep their values bit for bit. Takes O(frames × joints) time and, beside
+/// errors from both. At a seam, the acceleration is the mean of `Donors::accelerations`; beside it,
+/// half of their difference falls linearly to 0 at `Objective::spread`, or at the other end of the
+/// segment if that is nearer. The first frames, the last frame, frames away from seams and joints
+/// whose donors are constant up to 1e-12 keep their values bit for bit. Takes O(frames × joints) time and, beside
 /// `values`, O(frames) memory.
 ///
 /// # Errors
@@ -54,11 +60,13 @@ pub fn smooth_gradient<V: Value>(
     donors: Donors<V>,
     objective: Objective,
 ) -> Result<(), Error> {
-    let frames = Frame::list(&donors)?;
+    let frames = Frame::list(&donors, objective.spread)?;
     check_len(values.len(), frames.len() * n_joints)?;
     check_len(donors.rows.len(), n_joints * row_count(&donors))?;
-    check_len(donors.accelerations.len(), n_joints * donors.seams.len())?;
-    let is_free = free_frames(&donors, frames.len(), objective.reach)?;
+    for own in donors.accelerations {
+        check_len(own.len(), n_joints * donors.seams.len())?;
+    }
+    let is_free = free_frames(&donors, frames.len(), objective)?;
     let joints = moving_joints(donors.rows, n_joints);
     if joints.is_empty() || !is_free.contains(&true) {
         return Ok(());
@@ -87,10 +95,13 @@ struct Frame {
     seam: Option<(usize, usize)>,
     /// Whether this frame and the next belong to one donor.
     is_step: bool,
+    /// Of the seams before and after it, the index and the share of half of the difference of
+    /// accelerations there.
+    shares: [(usize, f64); 2],
 }
 
 impl Frame {
-    fn list<V>(donors: &Donors<V>) -> Result<Vec<Self>, Error> {
+    fn list<V>(donors: &Donors<V>, spread: f64) -> Result<Vec<Self>, Error> {
         check_len(donors.stops.len(), donors.starts.len())?;
         let n_rows = donors
             .starts
@@ -111,12 +122,36 @@ impl Frame {
                 frames.pop();
             }
             let last = row + stop - start;
-            frames.extend((row..=last).map(|row| Self { row, seam: None, is_step: row < last }));
+            let frame = |row| Self { row, seam: None, is_step: row < last, shares: [(0, 0.0); 2] };
+            frames.extend((row..=last).map(frame));
             let at = frames.len() - (stop - start) - 1;
             frames[at].seam = seam;
+            if let Some((_, seam)) = seam {
+                let before = donors.stops[segment - 1] - donors.starts[segment - 1];
+                Self::spread_difference(&mut frames, at, [before, stop - start], (seam, spread));
+            }
             row = last + 1;
         }
         Ok(frames)
+    }
+
+    /// Give the frames beside a seam at frame `at` their shares of its difference.
+    fn spread_difference(
+        frames: &mut [Self],
+        at: usize,
+        lengths: [usize; 2],
+        (seam, spread): (usize, f64),
+    ) {
+        for (side, length) in lengths.into_iter().enumerate() {
+            let reach = spread.min(length as f64);
+            for distance in (1..length).take_while(|&own| (own as f64) < reach) {
+                let share = 1.0 - distance as f64 / reach;
+                match side {
+                    0 => frames[at - distance].shares[1] = (seam, share),
+                    _ => frames[at + distance].shares[0] = (seam, -share),
+                }
+            }
+        }
     }
 }
 
@@ -130,17 +165,23 @@ fn row_count<V>(donors: &Donors<V>) -> usize {
 }
 
 /// Whether each frame is within reach of a seam and not an end of the motion.
-fn free_frames<V>(donors: &Donors<V>, n_frames: usize, reach: f64) -> Result<Vec<bool>, Error> {
+fn free_frames<V>(
+    donors: &Donors<V>,
+    n_frames: usize,
+    objective: Objective,
+) -> Result<Vec<bool>, Error> {
     let mut is_free = allocate(false, n_frames)?;
     let first = donors.starts.first().copied().unwrap_or(0);
     for &seam in donors.seams {
         let Some(&stop) = donors.stops.get(seam) else { continue };
-        let (seam, reach) = (stop - first, reach.max(0.0) as usize);
+        let (seam, reach) = (stop - first, objective.reach.max(0.0) as usize);
         let range = seam.saturating_sub(reach)..=(seam.saturating_add(reach)).min(n_frames - 1);
         is_free[range].fill(true);
     }
-    if let [first, .., last] = &mut is_free[..] {
-        (*first, *last) = (false, false);
+    let n_fixed = objective.n_fixed.clamp(1, n_frames.max(1));
+    if let [.., last] = &mut is_free[..] {
+        *last = false;
+        is_free[..n_fixed].fill(false);
     }
     Ok(is_free)
 }
@@ -201,10 +242,7 @@ impl<V: Value> System<'_, V> {
                 add(f, column, -error);
                 add(f + 1, column, error);
                 if has_acceleration {
-                    let mean = frame
-                        .seam
-                        .map(|(_, seam)| self.donors.accelerations[seam * self.n_joints + joint]);
-                    let wanted = mean.unwrap_or(target - last.1);
+                    let wanted = self.acceleration(frame, joint, target - last.1);
                     let error = weights[2] * (step - last.0 - wanted);
                     add(f - 1, column, error);
                     add(f, column, -2.0 * error);
@@ -214,6 +252,23 @@ impl<V: Value> System<'_, V> {
             }
         }
         Ok(slopes)
+    }
+
+    /// The wanted acceleration in a frame in which that of the donor is `own`.
+    fn acceleration(&self, frame: &Frame, joint: usize, own: DVec3) -> DVec3 {
+        let at = |seam: usize| {
+            let index = seam * self.n_joints + joint;
+            self.donors.accelerations.map(|side| 0.5 * side[index])
+        };
+        if let Some((_, seam)) = frame.seam {
+            let [before, after] = at(seam);
+            return before + after;
+        }
+        let shares = frame.shares.into_iter().filter(|&(_, share)| share != 0.0);
+        shares.fold(own, |sum, (seam, share)| {
+            let [before, after] = at(seam);
+            sum + share * (after - before)
+        })
     }
 
     fn value_error(&self, f: usize, joint: usize) -> DVec3 {
@@ -273,7 +328,8 @@ fn normal_matrix(
 mod tests {
     use super::*;
 
-    const OBJECTIVE: Objective = Objective { weights: [1.0, 4.0, 16.0], reach: 3.0 };
+    const OBJECTIVE: Objective =
+        Objective { weights: [1.0, 4.0, 16.0], reach: 3.0, n_fixed: 1, spread: 2.0 };
 
     fn ramp(first: f64, slope: f64) -> impl Iterator<Item = DVec3> {
         (0..=5).map(move |n| DVec3::new(first + slope * f64::from(n), 0.0, 0.0))
@@ -291,7 +347,7 @@ mod tests {
                 stops: &[5, 10],
                 rows: &rows,
                 seams: &[0],
-                accelerations: &[DVec3::ZERO],
+                accelerations: [&[DVec3::ZERO]; 2],
             };
             let mut smooth = values.clone();
             smooth_gradient(&mut smooth, 1, donors, OBJECTIVE).unwrap();
@@ -318,7 +374,7 @@ mod tests {
             stops,
             rows: &[DVec3::ZERO; 6],
             seams: &[],
-            accelerations: &[],
+            accelerations: [&[]; 2],
         };
         let refused = |starts, stops| {
             smooth_gradient(&mut [DVec3::ZERO; 6], 1, donors(starts, stops), OBJECTIVE).err()

@@ -171,9 +171,9 @@ fn seams_survive_every_refused_allocation() {
         stops: &stops,
         rows: &rows,
         seams: &[0],
-        accelerations: &accelerations,
+        accelerations: [&accelerations; 2],
     };
-    let objective = Objective { weights: [1.0; 3], reach: 100.0 };
+    let objective = Objective { weights: [1.0; 3], reach: 100.0, n_fixed: 1, spread: 4.0 };
     refuse_each("smooth_gradient", || {
         // An error leaves the values unchanged, so one copy per call is outside of the count.
         let remaining = REMAINING.replace(i64::MAX);

@@ -51,14 +51,17 @@ pub fn smooth_gradient<'py>(
     mut values: Output<'py, f64, IxDyn>,
     donors: (Indices<'py>, Indices<'py>, Floats<'py>, Indices<'py>, Floats<'py>),
     weights: [f64; 3],
-    reach: f64,
+    limits: (f64, usize, f64),
 ) -> PyResult<()> {
     let [_, n_joints] = poses_shape(values.shape())?;
     let is_rotation = values.shape().last() == Some(&4);
     let (starts, stops, rows, seams, accelerations) = &donors;
     let [starts, stops, seams] = [as_usizes(starts)?, as_usizes(stops)?, as_usizes(seams)?];
+    // Those of the donors that end at the seams, then those of the donors that start there.
     let accelerations = as_vecs(accelerations)?;
-    let objective = Objective { weights, reach };
+    let accelerations = accelerations.split_at(accelerations.len() / 2).into();
+    let (reach, n_fixed, spread) = limits;
+    let objective = Objective { weights, reach, n_fixed, spread };
     let (starts, stops, seams) = (&starts[..], &stops[..], &seams[..]);
     if is_rotation {
         let (quats, rows) = (as_quats_mut(&mut values)?, as_quats(rows)?);

@@ -9,6 +9,7 @@ from mograft.cli.output import print_result
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.options import CandidatesOptions
 from mograft.cli.syntax.values import resolve_frame
+from mograft.errors import suggest_frames
 from mograft.library.library import Library
 from mograft.search.candidates import Candidate, Candidates
 from mograft.search.donor_constraints import limit_config
@@ -61,10 +62,9 @@ def _find_segment(library: Library, options: CandidatesOptions) -> tuple[int, in
         stops = library.segments.stop[segments]
         frame = resolve_frame(options.frame, library.rate)
         if frame > stops[-1]:
-            raise ValueError(
-                f"--frame must be 0 to {stops[-1]} ({stops[-1] / library.rate:.6g} s) in clip "
-                f"{library.names[clip]}, got {frame}"
-            )
+            where = f"{stops[-1]} ({stops[-1] / library.rate:.6g} s) in {library.names[clip]}"
+            hint = suggest_frames((frame, frame), int(stops[-1]))
+            raise ValueError(f"--frame must be 0 to {where}, {hint}")
         # Two segments share a frame; as on pages, it belongs to the later one.
         number = int((library.segments.start[segments] <= frame).sum()) - 1
     if number >= len(segments):

@@ -16,7 +16,7 @@ from mograft.cli.output import print_error, print_remark, print_result, show_pro
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import DemoOptions
 from mograft.cli.syntax.options import GraftOptions
-from mograft.cli.syntax.values import resolve_donor, resolve_frames
+from mograft.cli.syntax.values import resolve_donor, resolve_frame
 from mograft.config import Config
 from mograft.config_text import parse_fields
 from mograft.dancer import dance
@@ -127,8 +127,6 @@ def _check_options(options: GraftOptions) -> None:
         raise UsageError("expected LIB or FILE")
     if records := [name for name in options.files if name.endswith(".json")]:
         raise UsageError(f"{records[0]} is no motion; --from {records[0]} makes a graft again")
-    if options.distinct > 180.0:
-        raise UsageError(f"--distinct must be at most 180, got {options.distinct:g}")
     configuration.check_combinations(options)
 
 
@@ -204,8 +202,9 @@ def _change(graft: Graft, options: GraftOptions) -> list[Graft]:
     for rank in range(options.count):
         changed, is_new = graft, rank == 0
         for index, (group, span, donor) in enumerate(options.change):
-            last = (graft.motion.n_frames - 1) if span[1] is None else span[1]
-            frames, chosen = resolve_frames((span[0], last), rate), resolve_donor(donor, rate)
+            first, chosen = resolve_frame(span[0], rate), resolve_donor(donor, rate)
+            end = max(graft.motion.n_frames - 1, first + 1)  # a range that begins later is refused
+            frames = first, end if span[1] is None else resolve_frame(span[1], rate)
             try:
                 changed = change(changed, group, frames, chosen, rank=rank)
                 best[index], is_new = rank, is_new or not isinstance(chosen, tuple)
@@ -302,11 +301,13 @@ def _are_refused(grafts: Sequence[Graft], options: GraftOptions) -> bool:
         print_remark("\n".join([*messages, warning]))
     elif violating:
         bend = ["`reach_ik=1` bends an arm or leg farther"] * bool(options.reach)
+        place = ["`change=GROUP@FIRST-LAST=CLIP` puts a part of a clip there, whatever its legs"]
         remedies = bend if options.from_ else find_remedies(violating[0])
         text = "; ".join(
             [
                 f"{counts} violate the constraints, because no donor sequence satisfies them",
-                *["no motion was written", *remedies, "`best_effort` writes all"],
+                *["no motion was written", *remedies, *place * bool(options.only_from)],
+                "`best_effort` writes all",
             ]
         )
         print_error(with_flags(text, options, is_advice=True), messages)

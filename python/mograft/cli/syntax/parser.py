@@ -130,7 +130,7 @@ def _keywords(argument: Argument, *, is_short: bool) -> dict[str, Any]:
     keywords: dict[str, Any] = {"help": argparse.SUPPRESS if is_hidden else text.replace("%", "%%")}
     if argument.value is None:
         return {**keywords, "action": "store_true", "dest": argument.dest, "default": None}
-    keywords = {**keywords, "type": argument.value.convert, "metavar": argument.value.placeholder}
+    keywords = {**keywords, "type": argument.value.read, "metavar": argument.value.placeholder}
     if argument.is_positional:
         return {**keywords, "nargs": argument.count}
     if argument.implied is not None:
@@ -316,7 +316,7 @@ def _convert_text(argument: Argument, text: str, place: str) -> Any:  # noqa: AN
         if text.lower() not in words:
             raise ValueError(f"{place} must be 1, true, 0 or false, got {text!r}")
         return words[text.lower()]
-    convert = argument.value.convert
+    convert = argument.value.read
     try:
         return tuple(map(convert, text.split())) if argument.is_repeated else convert(text)
     except argparse.ArgumentTypeError as error:

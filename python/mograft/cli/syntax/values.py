@@ -6,8 +6,9 @@ A frame is a number or, with the suffix ``s``, a time in seconds.
 import math
 import re
 from argparse import ArgumentTypeError
+from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
 from mograft.cli.syntax.converters import Value, number, one_of, parser
@@ -101,22 +102,18 @@ def resolve_span(given: Range | None, rate: float) -> tuple[int, int] | None:
     return None if given is None else resolve_frames(given, rate)
 
 
-class SegmentValue(NamedTuple):
-    """A base segment, given by its index or by its frames, and optionally a joint group."""
-
-    number: int | None  # Index of the segment, or None if its frames are given.
-    span: Range | None  # First and last frame, or None if the index is given.
-    group: str | None
+BaseSegment = tuple[int | None, Range | None, str | None]
+"""A base segment: its index, or its first and last frame, and optionally a joint group."""
 
 
-def _segment(text: str) -> SegmentValue:
+def _segment(text: str) -> BaseSegment:
     """Parse ``[GROUP:]N`` or ``[GROUP:]FIRST-LAST``."""
     group, colon, segment = text.rpartition(":")
     if colon and not group:
         raise ValueError("expected the name of a group before the colon")
     if segment.isdecimal():
-        return SegmentValue(int(segment), None, group or None)
-    return SegmentValue(None, frames(segment), group or None)
+        return int(segment), None, group or None
+    return None, frames(segment), group or None
 
 
 Donor = str | Taken | None
@@ -134,26 +131,22 @@ def resolve_donor(given: Donor, rate: float) -> str | tuple[str, int, int] | Non
     return (given[0], *resolve_frames(given[1:], rate)) if isinstance(given, tuple) else given
 
 
-@parser("expected SEGMENT=CLIP:FIRST-LAST, such as 24=walk:242-275")
-def take(text: str) -> tuple[SegmentValue, Taken]:
-    """Parse a value of ``--take``: ``[GROUP:]SEGMENT=CLIP:FIRST-LAST``.
-
-    Return the base segment, and the clip, first frame and last frame of the donor.
-    """
-    segment, _, donor = text.partition("=")
-    clip, _, span = donor.rpartition(":")  # The name of a clip may contain colons.
-    if not clip:
-        raise ValueError
-    return _segment(segment), (clip, *frames(span))
-
-
 @parser("expected SEGMENT, SEGMENT=CLIP or SEGMENT=CLIP:FIRST-LAST, such as 24=walk")
-def ban(text: str) -> tuple[SegmentValue, Donor]:
+def ban(text: str) -> tuple[BaseSegment, Donor]:
     """Parse a value of ``--ban``: ``[GROUP:]SEGMENT[=CLIP[:FIRST-LAST]]``."""
     segment, equals, donor = text.partition("=")
     if equals and not donor:
         raise ValueError
     return _segment(segment), _donor(donor)
+
+
+@parser("expected SEGMENT=CLIP:FIRST-LAST as mograft candidates lists it, such as 24=walk:242-275")
+def take(text: str) -> tuple[BaseSegment, Taken]:
+    """Parse a value of ``--take``: ``[GROUP:]SEGMENT=CLIP:FIRST-LAST``."""
+    segment, donor = ban(text)
+    if not isinstance(donor, tuple):
+        raise ValueError
+    return segment, donor
 
 
 Changed = tuple[str, tuple[Frame, Frame | None], Donor]
@@ -273,12 +266,10 @@ def picture_size(text: str) -> tuple[int, int]:
 
 def _numbers(text: str, *forms: str) -> tuple[float, ...]:
     """Parse as many numbers as one of `forms`, such as ``X,Y,Z``, has."""
-    words = text.split(",")
-    try:
-        counts = [len(form.split(",")) for form in forms]
-        numbers = tuple(float(word) for word in words if len(words) in counts)
-    except ValueError:
-        numbers = ()
+    numbers, words = tuple[float, ...](), text.split(",")
+    if len(words) in [len(form.split(",")) for form in forms]:
+        with suppress(ValueError):
+            numbers = tuple(map(float, words))
     if not numbers:
         raise ArgumentTypeError(f"expected {' or '.join(forms)}, got {text}")
     return numbers
@@ -317,12 +308,12 @@ def _shape(text: str) -> tuple[str, tuple[float, ...]]:
     kind, colon, rest = text.partition(":")
     if colon and kind in SHAPES:
         return kind, _numbers(rest, SHAPES[kind])
-    if colon and len(kind) > 1 and kind.isalpha() and not Path(text).exists():
-        raise ArgumentTypeError(
-            f"expected a file or one of the shapes {', '.join(SHAPES)}, got {kind}"
-            f"{suggest_name(kind, SHAPES, cutoff=0.8)}"
-        )
     name, separator, place = text.rpartition("@")
+    no_file = rf"({'|'.join(SHAPES)})(?![\w.])|..+:|.*[,;=]"
+    if re.match(no_file, name or text) and not Path((name or text).partition("#")[0]).exists():
+        forms = ", ".join(map(":".join, SHAPES.items()))
+        hint = suggest_name(kind, SHAPES, cutoff=0.8)
+        raise ArgumentTypeError(f"expected a file, or one of {forms}, got {text}{hint}")
     if not separator or Path(text).exists():
         return text, (0.0,) * 4
     return name, (*_numbers(place, "X,Y,Z", "X,Y,Z,YAW"), 0.0)[:4]
@@ -363,6 +354,7 @@ _decimals = number(int, "an integer from 1 to 12", lambda n: 1 <= n <= 12)
 _port = number(int, "an integer from 0 to 65535", lambda n: 0 <= n <= 65535)
 _turn = number(float, "an angle in degrees", math.isfinite)
 _share = number(float, "a number from 0 to 1", lambda x: 0 <= x <= 1)
+_distance = number(float, "an angle from 0 to 180", lambda x: 0 <= x <= 180)
 _non_negative = number(float, "a number of at least 0", lambda x: 0 <= x < math.inf)
 
 Name = Annotated[str, Value("NAME")]
@@ -379,7 +371,7 @@ Tempo = Annotated[float, Value("BPM", _positive)]
 Speed = Annotated[float, Value("X", _positive)]
 Degrees = Annotated[float, Value("DEGREES", _positive)]
 Turn = Annotated[float, Value("DEGREES", _turn)]
-Distance = Annotated[float, Value("DEGREES", _non_negative)]
+Distance = Annotated[float, Value("DEGREES", _distance)]
 Size = Annotated[tuple[int, int], Value("WIDTHxHEIGHT", picture_size)]
 Receiver = Annotated[tuple[str, int], Value("HOST[:PORT]", receiver)]
 Listener = Annotated[tuple[str, int], Value("[HOST:]PORT", listener)]
@@ -407,8 +399,8 @@ FileRate = Annotated[tuple[str, float], Value("[GLOB=]FPS", file_rate)]
 FrameValue = Annotated[Frame, Value("N|S", frame)]
 Frames = Annotated[Range, Value("FIRST-LAST", frames)]
 Length = Annotated[Frame, Value("N|S", frame_count)]
-Take = Annotated[tuple[SegmentValue, Taken], Value("SEGMENT=CLIP:FIRST-LAST", take)]
-Ban = Annotated[tuple[SegmentValue, Donor], Value("SEGMENT[=CLIP[:FIRST-LAST]]", ban)]
+Take = Annotated[tuple[BaseSegment, Taken], Value("SEGMENT=CLIP:FIRST-LAST", take)]
+Ban = Annotated[tuple[BaseSegment, Donor], Value("SEGMENT[=CLIP[:FIRST-LAST]]", ban)]
 Change = Annotated[Changed, Value("GROUP@FIRST-LAST[=CLIP[:FIRST-LAST]]", change)]
 Corners = Annotated[list[tuple[float, float]], Value("X,Z:X,Z:...", corners)]
 Reach = Annotated[Reached, Value("FRAME[-LAST]:JOINT:[@PART+]X,Y,Z[~TOL]", reach)]

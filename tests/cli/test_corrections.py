@@ -1,0 +1,123 @@
+"""Values of options with a typical mistake: the error ends with the value that was meant."""
+
+import re
+from argparse import ArgumentTypeError
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mograft.cli.syntax import values
+from mograft.cli.syntax.converters import Value
+from tests.strategies import few_examples
+
+READERS = {
+    "reach": values.reach,
+    "avoid": values.obstacle,
+    "face": values.face,
+    "change": values.change,
+    "frames": values.frames,
+    "take": values.take,
+    "ban": values.ban,
+    "set": values.assignment,
+    "seconds": values.unit,
+}
+VALID = {
+    "reach": ["{a}:LeftHand:0,90,4", "{a}-{b}:LeftHand:@chest+0,0.1,0.4", "{a}s:LeftHand:1,2,3"],
+    "avoid": ["sphere:0,90,0,20", "sphere:0,90,0,20@{a}-{b}", "box:0,1,2,3,4,5@{a}s-{b}s"],
+    "face": ["0,90,4", "0,90,4@{a}-{b}", "0,90,4@{a}s-{b}s"],
+    "change": ["upper@{a}-{b}", "upper@{a}s-{b}s", "upper@{a}-{b}=wave", "larm@{a}-{b}=wave:5-9"],
+    "frames": ["{a}-{b}", "{a}s-{b}s"],
+    "take": ["{a}=wave:5-9", "{a}=wave:{a}-{b}"],
+    "ban": ["{a}=wave", "{a}=wave:5-9"],
+}
+"""Templates of valid values of each option; b is above a."""
+
+MISTAKES = [
+    (("avoid", "change", "frames", "take"), "swapped range", r"(\d+s?)-(\d+s?)$", r"\2-\1"),
+    (("reach",), "swapped range", r"^(\d+)-(\d+)", r"\2-\1"),
+    (("avoid", "face", "change", "frames"), "dots", r"(\d)-(\d)", r"\1..\2"),
+    (("avoid", "face", "change", "frames"), "one unit", r"s-(\d+)s", r"s-\1"),
+    (("avoid", "face", "change", "frames"), "other unit", r"(\d+)s-", r"\1-"),
+    (("reach", "face", "change", "frames"), "long unit", r"(\d)s\b", r"\1sec"),
+    (("reach", "avoid", "face"), "length", r"(\d)(?=$)", r"\1cm"),
+    (("reach", "avoid", "face"), "semicolons", r",", ";"),
+    (("reach", "avoid", "face"), "blanks", r",", " "),
+    (("reach", "take"), "wrong mark", r"^(\d+)[:=]", r"\1@"),
+    (("reach",), "swapped parts", r"^(\d+s?):LeftHand:", r"LeftHand:\1:"),
+    (("reach",), "missing colon", r"^(\d+):LeftHand", r"\1LeftHand"),
+    (("change",), "colon", r"^(\w+)@", r"\1:"),
+    (("change",), "missing @", r"^(\w+)@", r"\1"),
+    (("take",), "@ of donor", r":(\d+)-(\d+)$", r" \1-\2"),
+    (("change",), "swapped parts", r"^(\w+)@(\d+s?-\d+s?)$", r"\2@\1"),
+    (("avoid",), "equals", r"^(\w+):", r"\1="),
+    (("avoid",), "parentheses", r"^(\w+):([\d,]+)$", r"\1(\2)"),
+]
+"""Options, a name, and the pattern and replacement that make the mistake."""
+
+
+@pytest.mark.parametrize("mistake", MISTAKES, ids=[f"{own[0][0]} {own[1]}" for own in MISTAKES])
+@few_examples(20)
+@given(st.data())
+def test_typical_mistake_is_refused_with_the_value_that_was_meant(mistake, data):
+    options, _, pattern, replacement = mistake
+    option = data.draw(st.sampled_from(options))
+    first = data.draw(st.integers(10, 300))
+    template = data.draw(
+        st.sampled_from([own for own in VALID[option] if re.search(pattern, filled(own, 10, 20))])
+    )
+    meant = filled(template, first, first + data.draw(st.integers(1, 300)))
+    given_text = re.sub(pattern, replacement, meant)
+    READERS[option](meant)
+    with pytest.raises(ArgumentTypeError) as caught:
+        Value("X", READERS[option]).read(given_text)
+    assert str(caught.value).endswith(f"; did you mean {meant!r}?")
+
+
+@pytest.mark.parametrize(
+    ("option", "text", "meant"),
+    [
+        ("frames", "3,3s-4s", "3.3s-4s"),
+        ("frames", "90", "90-90"),
+        ("seconds", "2,5", "2.5"),
+        ("take", "wave:5-9=24", "24=wave:5-9"),
+        ("reach", "1.5:LeftHand:0,90,4", "1.5s:LeftHand:0,90,4"),
+        ("reach", "9:LeftHand:@chest:0,0.1,0.4", "9:LeftHand:@chest+0,0.1,0.4"),
+        ("change", "upper@100", "upper@100-"),
+    ],
+)
+def test_rarer_mistake_is_refused_with_the_value_that_was_meant(option, text, meant):
+    with pytest.raises(ArgumentTypeError, match=rf"{re.escape(repr(meant))}\?$"):
+        Value("X", READERS[option]).read(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["0,1:" * 20_000, "0,1:" * 24, "9s-" * 33, "a1" * 50], ids=range(4)
+)
+def test_long_value_is_refused_without_many_trials(text):
+    tried = []
+    reader = Value("X", lambda own: tried.append(own) or values.reach(own))
+    with pytest.raises(ArgumentTypeError):
+        reader.read(text)
+    assert len(tried) <= 10_001
+
+
+def filled(template, first, last):
+    return template.format(a=first, b=last)
+
+
+@given(st.sampled_from(sorted(READERS)), st.text("0123456789.-:@=,;~+s azLH()", max_size=24))
+def test_every_suggestion_is_accepted_and_valid_values_are_unchanged(option, text):
+    convert = READERS[option]
+    try:
+        expected = convert(text)
+    except ArgumentTypeError as error:
+        plain = str(error)
+    else:
+        assert Value("X", convert).read(text) == expected
+        return
+    with pytest.raises(ArgumentTypeError, match=re.escape(plain)) as caught:
+        Value("X", convert).read(text)
+    suggested = str(caught.value).removeprefix(plain).removeprefix("; did you mean ")
+    if suggested:
+        convert(suggested[1:-2])
