@@ -281,3 +281,15 @@ def test_check_contacts_lists_sliding_feet_and_hands_in_the_body(succeed, folder
             assert depths[worst] == depths[start : stop + 1].max()
     assert 0 < n_inside < 7
     assert "contacts" not in json.loads(succeed("check", "shown.bvh", "--json")[0])["files"][0]
+
+
+def test_check_of_folder_names_files_without_motion(run, clip):
+    """Also those that other commands leave out, as exports of a file of the same name."""
+    Path("in").mkdir()
+    Path("in", "a.bvh").write_bytes(clip.read_bytes())
+    Path("in", "a.glb").write_bytes(b"no glTF")
+    Path("in", "b.npz").write_bytes(b"")
+    code, out, err = run("check", "in")
+    assert code == 3
+    assert [line.split(":")[1].strip() for line in err.splitlines()] == ["in/a.glb", "in/b.npz"]
+    assert "3 clips: 1 usable, 0 usable except for the listed frames, 2 invalid" in out

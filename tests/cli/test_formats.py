@@ -303,3 +303,33 @@ def test_export_of_grafts_keeps_their_provenance(succeed, figure, tmp_path):
     clips = mg.read("all.glb")
     assert (clips.names, [*clips.grafts]) == (("a", "b", *clips.grafts), ["a_graft0", "a_graft1"])
     succeed("graft", "--from", "all.glb#a_graft1", "-o", "again.bvh")
+
+
+@pytest.mark.parametrize("suffix", ["bvh", "npz", "csv", "glb"])
+def test_export_format_writes_each_motion_as_a_single_export_does(suffix, succeed, run, clip):
+    """Also clips of one file, clips of one name in two folders, and a folder."""
+    motion = mg.read_bvh(clip)
+    Path("in").mkdir()
+    Path("in", "other").mkdir()
+    for path in ("in/a.bvh", "in/other/a.bvh", "in/b.bvh"):
+        formats.write_bvh(motion[: 30 + len(path)], path)
+    formats.write_glb(
+        [replace(motion[:40], name="x|run"), replace(motion[:50], name="w")], "two.glb"
+    )
+    sources = ["in/a.bvh", "in/b.bvh", "in/other/a.bvh", "two.glb#x|run", "two.glb#w"]
+    names = ["a", "b", "a~2", "x_run", "w"]
+    out = succeed("export", "in", "two.glb", "-o", "out", "--format", suffix)[0]
+    assert out.split() == [str(Path("out", f"{name}.{suffix}")) for name in names]
+    for source, name in zip(sources, names, strict=True):
+        succeed("export", source, "-o", f"one.{suffix}", "--force")
+        assert Path("out", f"{name}.{suffix}").read_bytes() == Path(f"one.{suffix}").read_bytes()
+    code, _, err = run("export", "in", "-o", "out", "--format", suffix)
+    assert code == 1
+    assert f"a.{suffix} and 2 other files exist; use --force to overwrite" in err
+
+
+def test_export_of_several_motions_names_the_option_for_a_folder(usage_error, clip):
+    assert "-o FOLDER --format bvh" in usage_error("export", clip, clip, "-o", "x.bvh")
+    assert "add --format, such as --format bvh" in usage_error("export", clip, "-o", "out")
+    err = usage_error("export", clip, "-o", "x.bvh", "--format", "bvh")
+    assert "--format needs a folder, got -o x.bvh" in err

@@ -115,7 +115,7 @@ MISTAKES = [
     ("studio clips -o text", RUNTIME, "text is a file; expected a folder"),
     ("plot strip clips -o x.png", RUNTIME, "one motion, got 2: give one of clips/dance.bvh, "),
     ("plot energy lib -o x.png", RUNTIME, "got 2: give one by --clip of dance, walk"),
-    ("export clips -o x.bvh", USAGE, "got 2: write .glb or .mp4 or .gif, or give one of clips/"),
+    ("export clips -o x.bvh", USAGE, "by -o FOLDER --format bvh, or give one of clips/"),
     ("export a.bvh -o x.npz --tracker mjlab", RUNTIME, "--tracker needs a robot, given by --model"),
     ("augment lib -o x -n 2 --seconds 100", RUNTIME, "--seconds must be at most 10, the longest "
      "span without faults of the base clips of all, got 100"),

@@ -303,13 +303,9 @@ def _are_refused(grafts: Sequence[Graft], options: GraftOptions) -> bool:
         bend = ["`reach_ik=1` bends an arm or leg farther"] * bool(options.reach)
         place = ["`change=GROUP@FIRST-LAST=CLIP` puts a part of a clip there, whatever its legs"]
         remedies = bend if options.from_ else find_remedies(violating[0])
-        text = "; ".join(
-            [
-                f"{counts} violate the constraints, because no donor sequence satisfies them",
-                *["no motion was written", *remedies, *place * bool(options.only_from)],
-                "`best_effort` writes all",
-            ]
-        )
+        cause = f"{counts} violate the constraints, because no donor sequence satisfies them"
+        ways = [*remedies, *place * bool(options.only_from), "`best_effort` writes all"]
+        text = "; ".join([cause, "no motion was written", *ways])
         print_error(with_flags(text, options, is_advice=True), messages)
     return bool(violating) and not options.best_effort
 

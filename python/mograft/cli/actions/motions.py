@@ -17,7 +17,7 @@ from mograft.body.groups import JointGroups
 from mograft.body.loops import is_loop
 from mograft.body.size import describe_sizes
 from mograft.cli.configuration import selected_skeleton
-from mograft.cli.files import check_suffix, check_writable, expand_folders
+from mograft.cli.files import check_suffix, check_writable, expand_folders, refuse_library
 from mograft.cli.output import print_error, print_result
 from mograft.cli.syntax.commands import CheckOptions, GroupsOptions, InfoOptions
 from mograft.errors import FormatError
@@ -70,6 +70,19 @@ def _find_files(names: Iterable[str]) -> list[str]:
     for name in names:
         paths = [str(path) for path in scan_folder(name, every=True)] if Path(name).is_dir() else []
         found += paths or [name]
+    return found
+
+
+def _find_clips(names: Iterable[str]) -> list[str]:
+    """Return the addresses of the clips in the files, and the files that have none."""
+    for name in names:
+        refuse_library(name)
+    found: list[str] = []
+    for file in _find_files(names):
+        try:
+            found += expand_folders([file])
+        except FormatError:
+            found.append(file)  # reading it raises the error again
     return found
 
 
@@ -134,7 +147,7 @@ def run_check(options: CheckOptions) -> int:
     documents, rest = [], selected_skeleton(options)
     skeletons: dict[str, Skeleton] = {}
     n_good = n_invalid = 0
-    for name in expand_folders(options.files):
+    for name in _find_clips(options.files):
         document = _check_file(name, rest, skeletons, options)
         documents.append(document)
         if options.json:

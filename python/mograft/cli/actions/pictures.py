@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from mograft._util.atomic import write_bytes
 from mograft._util.extras import import_extra
-from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
+from mograft._util.names import (
+    AUTOMATIC,
+    automatic_number,
+    is_automatic,
+    portable_stem,
+    unique_names,
+)
 from mograft.analysis.group_discovery import GroupDiscovery
 from mograft.blend.cycles import cut_cycle
 from mograft.body.groups import JointGroups
@@ -215,17 +221,42 @@ def _single_motion(
 
 def run_export(options: ExportOptions) -> int:
     """Run the command."""
+    sources = files.expand_folders(options.files)
+    if options.format is None:
+        print_result(options, "export/1", _export(options, sources), [options.output])
+        return 0
+    if options.output.suffix.lower() in _ENDINGS:
+        raise UsageError(
+            f"--format needs a folder, got -o {options.output}: for one file leave --format out"
+        )
+    names = [split_address(own)[1] or Path(own).stem for own in sources]
+    stems = unique_names([portable_stem(name) for name in names])
+    targets = [options.output / f"{stem}.{options.format}" for stem in stems]
+    files.check_writable(targets, force=options.force, inputs=sources)
+    documents = [
+        _export(replace(options, output=target, files=(source,)), [source])
+        for source, target in zip(sources, targets, strict=True)
+    ]
+    print_result(options, "export/1", {"files": documents}, targets)
+    return 0
+
+
+def _export(options: ExportOptions, sources: Sequence[str]) -> dict[str, Any]:
+    """Write one file; return what is in it."""
     target = options.output
     ending = target.suffix.lower()
-    sources = files.expand_folders(options.files)
     if ending == ".fbx":
         raise UsageError("-o cannot be .fbx: write .glb or .bvh and convert it in Blender")
     if ending not in _ENDINGS:
-        raise UsageError(f"-o must end in {', '.join(_ENDINGS)}, got {target.name}")
+        raise UsageError(
+            f"-o must end in {', '.join(_ENDINGS)}, got {target.name}; for a folder with one file "
+            "for each motion add --format, such as --format bvh"
+        )
     if len(sources) > 1 and ending not in _ENDINGS_OF_SEVERAL:
         raise UsageError(
             f"-o {target.name} can contain only one motion, got {len(sources)}: write "
-            f"{' or '.join(_ENDINGS_OF_SEVERAL)}, or give one of {files.shell_names(sources)}"
+            f"{' or '.join(_ENDINGS_OF_SEVERAL)}, or one file for each by -o FOLDER --format "
+            f"{ending[1:]}, or give one of {files.shell_names(sources)}"
         )
     configuration.refuse_useless_options(options, _ENDINGS_OF_OPTION, ending)
     files.check_writable([target], force=options.force, inputs=sources)
@@ -260,8 +291,7 @@ def run_export(options: ExportOptions) -> int:
                 _TABLE_WRITERS[ending](motions[0], target)
             document |= {"up": "as in the file", "unit": "of the file"}
             print_remark(f"{target.name}: unit and axes of {sources[0]}")
-    print_result(options, "export/1", document, [target])
-    return 0
+    return document
 
 
 def _select_frames(motion: Motion, options: ExportOptions) -> tuple[Motion, tuple[int, int]]:

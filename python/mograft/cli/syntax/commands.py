@@ -207,18 +207,23 @@ class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.Writ
     """
 
     files: tuple[values.Source, ...] = positional(
-        "motion file or FILE#CLIP; several for a film, or for a .glb of one skeleton", "+"
+        "motion file, folder or FILE#CLIP; several for a film, a .glb of one skeleton or --format",
+        "+",
     )
-    output: values.File = option("file to write", short="-o", is_required=True)
+    output: values.File = option(
+        "file to write; with --format a folder", short="-o", is_required=True
+    )
+    format: Literal["bvh", "npz", "csv", "glb", "usd", "usda", "usdc", "mp4", "gif"] | None = (
+        option("write a file of this format for each motion, named after it, into -o")
+    )
     frames: values.Frames | None = option("frames, or times as 3s-4s, to write (default: all)")
     cycle: values.Cycle | None = option(
-        "write only one cycle, such as two steps of a walk, closed into a loop that still covers "
-        "ground: of about S seconds (default: the shortest)",
+        "only one cycle, such as two steps of a walk, closed into a loop: of about S seconds "
+        "(default: the shortest)",
         implied=AUTOMATIC,
     )
     turn: values.Turn | None = option(
-        "bend the path of a walk into an arc: degrees by which it ends further left (below 0: "
-        "right); feet stay planted"
+        "bend the path of a walk into an arc that ends by DEGREES further left (below 0: right)"
     )
     avoid: tuple[values.Avoid, ...] = option(
         "bend the path of a walk round an obstacle, such as capsule:X,Y,Z,X,Y,Z,RADIUS; shapes as "
@@ -242,7 +247,7 @@ class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.Writ
         f"{_FIGURE_COLOURS} of a figure or film", "trunk, arms and legs"
     )
     size: values.Size = setting("size of a film in pixels (default: 720x480)", default="720x480")
-    dark: bool = setting("draw a film in light colours on a dark background")
+    dark: bool = setting("draw a film in light colours on a dark background", is_expert=True)
     renderer: Literal["capsules", "browser"] | None = setting(
         "what draws a film: capsules, or the browser, with the mesh of the character (needs "
         "mograft[browser]; default: capsules)",
