@@ -37,10 +37,7 @@ MISTAKES = [
     (("avoid", "change", "frames", "take"), "swapped range", r"(\d+s?)-(\d+s?)$", r"\2-\1"),
     (("reach",), "swapped range", r"^(\d+)-(\d+)", r"\2-\1"),
     (("avoid", "face", "change", "frames"), "dots", r"(\d)-(\d)", r"\1..\2"),
-    (("avoid", "face", "change", "frames"), "one unit", r"s-(\d+)s", r"s-\1"),
-    (("avoid", "face", "change", "frames"), "other unit", r"(\d+)s-", r"\1-"),
     (("reach", "face", "change", "frames"), "long unit", r"(\d)s\b", r"\1sec"),
-    (("reach", "avoid", "face"), "length", r"(\d)(?=$)", r"\1cm"),
     (("reach", "avoid", "face"), "semicolons", r",", ";"),
     (("reach", "avoid", "face"), "blanks", r",", " "),
     (("reach", "take"), "wrong mark", r"^(\d+)[:=]", r"\1@"),
@@ -51,7 +48,6 @@ MISTAKES = [
     (("take",), "@ of donor", r":(\d+)-(\d+)$", r" \1-\2"),
     (("change",), "swapped parts", r"^(\w+)@(\d+s?-\d+s?)$", r"\2@\1"),
     (("avoid",), "equals", r"^(\w+):", r"\1="),
-    (("avoid",), "parentheses", r"^(\w+):([\d,]+)$", r"\1(\2)"),
 ]
 """Options, a name, and the pattern and replacement that make the mistake."""
 
@@ -70,36 +66,41 @@ def test_typical_mistake_is_refused_with_the_value_that_was_meant(mistake, data)
     given_text = re.sub(pattern, replacement, meant)
     READERS[option](meant)
     with pytest.raises(ArgumentTypeError) as caught:
-        Value("X", READERS[option]).read(given_text)
+        Value("X", READERS[option], has_parts=True).read(given_text)
     assert str(caught.value).endswith(f"; did you mean {meant!r}?")
 
 
 @pytest.mark.parametrize(
     ("option", "text", "meant"),
     [
-        ("frames", "3,3s-4s", "3.3s-4s"),
-        ("frames", "90", "90-90"),
-        ("seconds", "2,5", "2.5"),
         ("take", "wave:5-9=24", "24=wave:5-9"),
-        ("reach", "1.5:LeftHand:0,90,4", "1.5s:LeftHand:0,90,4"),
+        ("change", "60-120:arms=turn", "arms@60-120=turn"),
         ("reach", "9:LeftHand:@chest:0,0.1,0.4", "9:LeftHand:@chest+0,0.1,0.4"),
-        ("change", "upper@100", "upper@100-"),
     ],
 )
 def test_rarer_mistake_is_refused_with_the_value_that_was_meant(option, text, meant):
     with pytest.raises(ArgumentTypeError, match=rf"{re.escape(repr(meant))}\?$"):
-        Value("X", READERS[option]).read(text)
+        Value("X", READERS[option], has_parts=True).read(text)
 
 
 @pytest.mark.parametrize(
-    "text", ["0,1:" * 20_000, "0,1:" * 24, "9s-" * 33, "a1" * 50], ids=range(4)
+    ("option", "text"),
+    [
+        ("reach", "120:LeftHand:0,100,30~0"),
+        ("reach", "120:LeftHand:0,100,30~3cm"),
+        ("reach", "9:LeftHand:@chest+0,30cm,0"),
+        ("frames", "0:03-0:04"),
+        ("frames", "-100"),
+        ("frames", "3s-100"),
+        ("avoid", "ball:0,100,30,10"),
+        ("avoid", "box:0,100,30,10"),
+        ("avoid", "full/walk.bvh@0,0"),
+    ],
 )
-def test_long_value_is_refused_without_many_trials(text):
-    tried = []
-    reader = Value("X", lambda own: tried.append(own) or values.reach(own))
-    with pytest.raises(ArgumentTypeError):
-        reader.read(text)
-    assert len(tried) <= 10_001
+def test_value_whose_meaning_is_not_certain_has_no_suggestion(option, text):
+    with pytest.raises(ArgumentTypeError) as caught:
+        Value("X", READERS[option], has_parts=True).read(text)
+    assert "did you mean" not in str(caught.value)
 
 
 def filled(template, first, last):
@@ -114,10 +115,12 @@ def test_every_suggestion_is_accepted_and_valid_values_are_unchanged(option, tex
     except ArgumentTypeError as error:
         plain = str(error)
     else:
-        assert Value("X", convert).read(text) == expected
+        assert Value("X", convert, has_parts=True).read(text) == expected
         return
     with pytest.raises(ArgumentTypeError, match=re.escape(plain)) as caught:
-        Value("X", convert).read(text)
+        Value("X", convert, has_parts=True).read(text)
     suggested = str(caught.value).removeprefix(plain).removeprefix("; did you mean ")
     if suggested:
         convert(suggested[1:-2])
+        numbers, given_numbers = (re.findall(r"\d+", own) for own in (suggested, text))
+        assert sorted(numbers) == sorted(given_numbers)

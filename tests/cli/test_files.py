@@ -293,3 +293,27 @@ def test_check_of_folder_names_files_without_motion(run, clip):
     assert code == 3
     assert [line.split(":")[1].strip() for line in err.splitlines()] == ["in/a.glb", "in/b.npz"]
     assert "3 clips: 1 usable, 0 usable except for the listed frames, 2 invalid" in out
+
+
+def test_recordings_of_a_library_are_not_overwritten(run, succeed, clip):
+    Path("a.bvh").write_bytes(clip.read_bytes())
+    succeed("index", "a.bvh", "-o", "lib")
+    for words in (("graft", "lib", "-o", "a.bvh"), ("graft", "a.bvh", "-o", "a.bvh")):
+        code, _, err = run(*words, "--force")
+        assert (code, err) == (1, "error: a.bvh is an input; choose another output\n")
+        assert Path("a.bvh").read_bytes() == clip.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("graft a.bvh --speed 2 -o b.bvh", "graft has no option --speed; mograft play has it"),
+        ("find walk", "walk is read as LIB, the last word; before it give the clip or file"),
+        ("view a.bvh -o v.png", "mograft plot strip draws .png"),
+        ("play a.bvh --vmc 39539", "must be HOST or HOST:PORT"),
+        ("augment lib -n 1000000000 -o s", "must be from 1 to 10000000, got 1000000000"),
+    ],
+)
+def test_refusal_names_the_way(usage_error, clip, words, message):
+    Path("a.bvh").write_bytes(clip.read_bytes())
+    assert message in usage_error(*words.split())

@@ -199,7 +199,7 @@ def test_command_prints_the_hits_and_writes_a_page(stored, clip_folder, tmp_path
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        ("{lib}", 2, "expected a clip or file before "),
+        ("{lib}", 2, " is read as LIB, the last word; before it give the clip or file"),
         ("{lib} --text x --part upper", 2, "--part requires a clip or file before LIB"),
         ("none {lib}", 1, "must be a clip"),
         ("p0_100 {lib} -o {tmp}/a.png", 2, "-o must be a file that ends in .html"),

@@ -378,7 +378,7 @@ def test_command_and_python_give_the_same_bytes(stored, tmp_path, capsys):
         ("-o {out} -n 5 --bases none", 1, "--bases must match"),
         ("-o {out} -n 5 --features roots", 1, "did you mean 'root'?"),
         ("-o {out}.bvh -n 5", 2, "-o must be a folder"),
-        ("-o {out} -n 0", 2, "--count: must be an integer of at least 1"),
+        ("-o {out} -n 0", 2, "--count: must be from 1 to 10000000"),
     ],
 )
 def test_mistakes_are_one_line_and_write_nothing(stored, tmp_path, capsys, words, code, message):

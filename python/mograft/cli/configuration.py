@@ -165,7 +165,8 @@ def selected_skeleton(options: SkeletonOptions) -> Skeleton | None:
         rates = dict(options.fps) or None
         return read_model(options.model, quaternion=options.quaternion, rate=rates)
     for given in options.given("quaternion", "fps"):
-        raise UsageError(f"--{given} requires --model")
+        rate = ": only tables of robots lack a frame rate" if given == "fps" else ""
+        raise UsageError(f"--{given} requires --model{rate}")
     if name is None:
         return None
     is_json = Path(name).suffix.lower() == ".json"

@@ -132,6 +132,8 @@ def check_suffix(target: Path, *suffixes: str, is_folder: bool = False) -> None:
     file = f"a file that ends in {', '.join(suffixes)}"
     expected = " or ".join(["a folder"] * is_folder + [file] * bool(suffixes))
     hint = "" if suffix not in _EXPORTED else f"; mograft export writes {suffix} from a .bvh file"
+    if suffix in (".png", ".svg", ".pdf"):
+        hint = f"; mograft plot strip draws {suffix}"
     raise UsageError(f"-o must be {expected}, got {target.name}{hint}")
 
 

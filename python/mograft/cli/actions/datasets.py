@@ -109,7 +109,10 @@ _MAX_SHOWN = 11
 def run_find(options: FindOptions) -> int:
     """List the spans of a library that are nearest to a query."""
     if options.query is None and options.text is None:
-        raise UsageError(f"expected a clip or file before {options.library}, or --text WORDS")
+        raise UsageError(
+            f"{options.library} is read as LIB, the last word; before it give the clip or file to "
+            "find, or --text WORDS"
+        )
     for name in options.given("frames", "part"):
         if options.query is None:
             raise UsageError(f"--{name} requires a clip or file before LIB")

@@ -75,6 +75,9 @@ def run(options: GraftOptions) -> int:
     library, sources = None, options.files
     if folder is not None:
         library = configuration.load_library(options)
+        if options.force:  # the recordings of the library must not be overwritten
+            files_of_clips = (own.source_file for own in library.entries)
+            sources = tuple(own.path for own in files_of_clips if own is not None)
     else:
         sources = tuple(files.expand_folders(sources, include_grafts=options.include_grafts))
     first = sources[0] if library is None else library.names[0]
@@ -138,8 +141,8 @@ def _run_replay(options: GraftOptions) -> int:
     for field, name in options.changed().items():
         if field not in (*options.origins, *allowed):
             raise UsageError(
-                f"--{name} cannot be combined with --from, which makes a graft again: leave out "
-                "one of them; --change, --take, --ban and --keep change parts of it"
+                f"--{name} cannot be combined with --from, which makes a graft again: for other "
+                "motions give files instead; --change, --take, --ban and --keep change parts of it"
             )
     source, path = options.from_ or "", options.output
     if os.path.isdir(source):

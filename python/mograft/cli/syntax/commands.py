@@ -240,8 +240,8 @@ class ExportOptions(options.DigitsOptions, options.SkeletonOptions, options.Writ
         "AMASS file whose unchanged arrays an .npz takes (default: write the arrays of mograft)",
         is_expert=True,
     )
-    tracker: Literal["mjlab", "beyondmimic"] | None = option(
-        "write an .npz of a robot for this tracker", is_expert=True
+    tracker: values.Tracker | None = option(
+        "write an .npz of a robot for this tracker, mjlab or beyondmimic", is_expert=True
     )
     groups: values.Groups | None = options.groups_option(
         f"{_FIGURE_COLOURS} of a figure or film", "trunk, arms and legs"

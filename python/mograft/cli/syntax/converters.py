@@ -6,7 +6,6 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import wraps
-from itertools import chain, islice
 from typing import Any, TypeVar
 
 from mograft.errors import suggest_name
@@ -18,32 +17,32 @@ _CORRECTIONS = (
     (rf"{_TIME}-{_TIME}(?=[^-.\d][^-]*$|$)", r"\2-\1"),  # the last range, in another order
     (r" ?(\.\.+|\u2013|\bto\b) ?", "-"),
     (r"(?<=\d) ?(s[ec]+\.?|seconds?)(?=\W|$)", "s"),
-    (r"([\d.]+)s-([\d.]+)(?![\d.s])|([\d.]+)-([\d.]+)s|(\d*\.\d+)-(\d*\.\d+)", r"\1\3\5s-\2\4\6s"),
-    (r"(?<=\d) ?([cm]?m|f|frames?|°|deg|s$)(?=\W|$)", ""),
-    (r"(\d),(\d+)(?=s|;)|(?<=;)(\d+),(\d+)$|^(\d+),(\d+)$", r"\1\3\5.\2\4\6"),
     (r"[; ]", ","),
     (rf"^([^@:=]+)[@:=]{_TIME}(?=[:=])", r"\2:\1"),  # parts in another order
-    (rf"^({_TIME}-{_TIME}|\d+)[@:=](.+)$", r"\4@\1"),
+    (rf"^({_TIME}-{_TIME}|\d+)[@:=]([^=]+)", r"\4@\1"),
     (r"^(.+)=(\d+)$", r"\2=\1"),
-    (r"^(\d*\.\d+)(?=:)", r"\1s"),
     (r":@(\w+):", r":@\1+"),
-    (r"@(\d+s?)$", r"@\1-"),  # an end that is missing
-    (rf"(^|@){_TIME}$", r"\1\2-\2"),
 )
 """Patterns of typical mistakes, and what is meant."""
 
-_MARK = re.compile(r"[-:@=,;+~() ]+(?!$)|[=)]$|(?<=[A-Za-z])(?=-?\d)|(?<=\d)(?=[A-Z])")
+_MARK = re.compile(r"[:@=+~() ]+(?!$)|[=)]$|(?<=[A-Za-z])(?=-?\d)|(?<=\d)(?=[A-Z])")
 """Where a part of a value ends; the mark may be missing or a wrong one."""
 
-_MAX_LENGTH, _MAX_TRIED = 100, 10_000  # characters that are corrected, and corrected values
+_MAX_LENGTH = 100  # characters of a value that is corrected
 
 
 def _correct(text: str) -> Iterator[str]:
     """Yield a text with each typical mistake corrected."""
     yield from (re.sub(*own, text) for own in _CORRECTIONS)
     for found in _MARK.finditer(text):
-        for mark in (":", "@", "=", ",", "-", "+", ":@", ""):
+        for mark in (":", "@", "=", "+", ":@", ""):
             yield text[: found.start()] + mark + text[found.end() :]
+
+
+def _meaning(text: str) -> list[str]:
+    """Return the numbers and words of a text: a correction that changes them would be a guess."""
+    parts = re.findall(r"\d*\.?\d+|[^\W\d]+", re.sub(r"\.\.+", " ", text))
+    return sorted("s" if own in ("sec", "secs", "second", "seconds") else own for own in parts)
 
 
 @dataclass(frozen=True)
@@ -54,20 +53,20 @@ class Value:
     convert: Callable[[str], Any] = str
     is_path: bool = False  # Whether the shell completes it as a file name.
     choices: tuple[str, ...] = ()
+    has_parts: bool = False  # Whether an error suggests another order of parts, or other marks.
 
     def read(self, text: str) -> Any:  # noqa: ANN401 - of any option
         """Convert a text; the error for one that cannot be read suggests a corrected one."""
         try:
             return self.convert(text)
         except ArgumentTypeError as error:
-            is_known = "did you mean" in str(error) or len(text) > _MAX_LENGTH
-            known = [] if is_known else list(_correct(text))
-            pairs = chain.from_iterable(map(_correct, known))
-            for other in islice(chain(known, pairs), _MAX_TRIED):
+            is_corrected = self.has_parts and len(text) <= _MAX_LENGTH and text[:1] != "-"
+            for other in _correct(text) if is_corrected else ():
                 with suppress(ArgumentTypeError):
-                    self.convert(other)
-                    error = ArgumentTypeError(f"{error}; did you mean {other!r}?")
-                    break
+                    if _meaning(other) == _meaning(text):
+                        self.convert(other)
+                        error = ArgumentTypeError(f"{error}; did you mean {other!r}?")
+                        break
             raise error from None
 
 

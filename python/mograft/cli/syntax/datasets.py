@@ -26,7 +26,7 @@ class AugmentOptions(options.SeedOptions, options.LibraryOptions, section="outpu
     """
 
     output: values.Folder = option("folder of the data set", short="-o", is_required=True)
-    count: values.Count = option("number of windows", short="-n", is_required=True)
+    count: values.Windows = option("number of windows", short="-n", is_required=True)
     seconds: values.Duration = setting("duration of a window (default: 4)", default=4.0)
     stride: values.Duration | None = setting(
         "seconds from a window to the next on the same base (default: the duration of a window)"

@@ -182,8 +182,18 @@ def _check_names(parsers: Parsers, words: Sequence[str]) -> None:
             hint = suggest_name(name, flags, prefix="--", cutoff=0.7)
             if any(word in name for word in _COUNT_WORDS) and "--count" in flags:
                 hint = "; did you mean '-n', the number of motions?"
+            others = [
+                own for own in parsers if own[:1] != path[:1] and _has_flag(parsers[own], name)
+            ]
+            if others:
+                hint = f"; mograft {' '.join(others[0])} has it"
             hint = hint or f"; mograft {' '.join(path)} --help-all lists all"
             parsers[path].error(f"{' '.join(path)} has no option {name}{hint}")
+
+
+def _has_flag(parser: argparse.ArgumentParser, name: str) -> bool:
+    command = parser.get_default("command")
+    return command is not None and any(name in own.flags for own in command.arguments())
 
 
 def parse(

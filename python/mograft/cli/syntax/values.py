@@ -8,7 +8,7 @@ import re
 from argparse import ArgumentTypeError
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
 from mograft.cli.syntax.converters import Value, number, one_of, parser
@@ -244,6 +244,8 @@ def _address(host: str, port: str) -> tuple[str, int]:
 def receiver(text: str) -> tuple[str, int]:
     """Parse ``HOST[:PORT]``; the default port is that of receivers of VMC."""
     host, colon, port = text.rpartition(":")
+    if text.isdecimal():
+        raise ValueError  # a port
     is_whole = not colon or text.endswith("]") or (text.count(":") > 1 and text[:1] != "[")
     return _address(text, VMC_PORT) if is_whole else _address(host, port)
 
@@ -253,6 +255,15 @@ def listener(text: str) -> tuple[str, int]:
     """Parse ``[HOST:]PORT``; the default is an address that only this computer reaches."""
     host, _, port = text.rpartition(":")
     return _address(host or "127.0.0.1", port)
+
+
+TRACKERS: tuple[Literal["mjlab"], Literal["beyondmimic"]] = ("mjlab", "beyondmimic")
+
+
+@parser("must be mjlab or beyondmimic, for a motion of a robot that --model gives")
+def tracker(text: str) -> Literal["mjlab", "beyondmimic"]:
+    """Parse the name of a tracker."""
+    return TRACKERS[TRACKERS.index(text)]
 
 
 @parser("must be WIDTHxHEIGHT, such as 720x480")
@@ -309,8 +320,8 @@ def _shape(text: str) -> tuple[str, tuple[float, ...]]:
     if colon and kind in SHAPES:
         return kind, _numbers(rest, SHAPES[kind])
     name, separator, place = text.rpartition("@")
-    no_file = rf"({'|'.join(SHAPES)})(?![\w.])|..+:|.*[,;=]"
-    if re.match(no_file, name or text) and not Path((name or text).partition("#")[0]).exists():
+    path = Path((name or text).partition("#")[0])
+    if not path.exists() and (not path.suffix or re.search("[,;=:]", str(path))):
         forms = ", ".join(map(":".join, SHAPES.items()))
         hint = suggest_name(kind, SHAPES, cutoff=0.8)
         raise ArgumentTypeError(f"expected a file, or one of {forms}, got {text}{hint}")
@@ -325,7 +336,8 @@ Reached = tuple[Range, str, str | None, Point, float]
 
 @parser(
     "expected FRAME:JOINT:X,Y,Z[~TOL] or FRAME:JOINT:@PART+LEFT,UP,FORWARD[~TOL], with a frame "
-    "such as 315 or 10.5s, or FIRST-LAST, and TOL above 0"
+    "such as 315 or 10.5s, or FIRST-LAST; TOL and LEFT,UP,FORWARD are in heights of the figure, "
+    "without a unit: 3 cm is about 0.017"
 )
 def reach(text: str) -> Reached:
     """Parse ``FRAMES:JOINT:[@PART+]X,Y,Z[~TOL]``; TOL and offsets are in skeleton heights."""
@@ -354,12 +366,18 @@ _decimals = number(int, "an integer from 1 to 12", lambda n: 1 <= n <= 12)
 _port = number(int, "an integer from 0 to 65535", lambda n: 0 <= n <= 65535)
 _turn = number(float, "an angle in degrees", math.isfinite)
 _share = number(float, "a number from 0 to 1", lambda x: 0 <= x <= 1)
-_distance = number(float, "an angle from 0 to 180", lambda x: 0 <= x <= 180)
+_windows = number(int, "from 1 to 10000000", lambda n: 1 <= n <= 10_000_000)
+_distance = number(
+    float,
+    "an angle from 0 to 180, such as 5 (different motions are some 5 to 20 degrees apart)",
+    lambda x: 0 <= x <= 180,
+)
 _non_negative = number(float, "a number of at least 0", lambda x: 0 <= x < math.inf)
 
 Name = Annotated[str, Value("NAME")]
 Count = Annotated[int, Value("N", _count)]
 Motions = Annotated[int, Value("N", _motions)]
+Windows = Annotated[int, Value("N", _windows)]
 Index = Annotated[int, Value("N", _index)]
 Decimals = Annotated[int, Value("N", _decimals)]
 Port = Annotated[int, Value("N", _port)]
@@ -375,6 +393,7 @@ Distance = Annotated[float, Value("DEGREES", _distance)]
 Size = Annotated[tuple[int, int], Value("WIDTHxHEIGHT", picture_size)]
 Receiver = Annotated[tuple[str, int], Value("HOST[:PORT]", receiver)]
 Listener = Annotated[tuple[str, int], Value("[HOST:]PORT", listener)]
+Tracker = Annotated[Literal["mjlab", "beyondmimic"], Value("NAME", tracker, choices=TRACKERS)]
 Unit = Annotated[float | str, Value("UNIT|X", unit)]
 Cycle = Annotated[float | str, Value("S", cycle_seconds)]
 Source = Annotated[str, Value("FILE", is_path=True)]
@@ -393,16 +412,21 @@ Preset = Annotated[str, Value("NAME", preset)]
 Groups = Annotated[str, Value("NAME|FILE|auto:N", groups, is_path=True)]
 Clips = Annotated[tuple[str, ...], Value("CLIP,...", names)]
 Tags = Annotated[tuple[str, ...], Value("TAG,...", names)]
-Assignment = Annotated[tuple[str, str], Value("FIELD=VALUE", assignment)]
+Assignment = Annotated[tuple[str, str], Value("FIELD=VALUE", assignment, has_parts=True)]
 TrueRate = Annotated[tuple[str, float], Value("CLIP=FPS", true_rate)]
 FileRate = Annotated[tuple[str, float], Value("[GLOB=]FPS", file_rate)]
 FrameValue = Annotated[Frame, Value("N|S", frame)]
-Frames = Annotated[Range, Value("FIRST-LAST", frames)]
+Frames = Annotated[Range, Value("FIRST-LAST", frames, has_parts=True)]
 Length = Annotated[Frame, Value("N|S", frame_count)]
-Take = Annotated[tuple[BaseSegment, Taken], Value("SEGMENT=CLIP:FIRST-LAST", take)]
-Ban = Annotated[tuple[BaseSegment, Donor], Value("SEGMENT[=CLIP[:FIRST-LAST]]", ban)]
-Change = Annotated[Changed, Value("GROUP@FIRST-LAST[=CLIP[:FIRST-LAST]]", change)]
+Take = Annotated[tuple[BaseSegment, Taken], Value("SEGMENT=CLIP:FIRST-LAST", take, has_parts=True)]
+Ban = Annotated[
+    tuple[BaseSegment, Donor], Value("SEGMENT[=CLIP[:FIRST-LAST]]", ban, has_parts=True)
+]
+Change = Annotated[Changed, Value("GROUP@FIRST-LAST[=CLIP[:FIRST-LAST]]", change, has_parts=True)]
 Corners = Annotated[list[tuple[float, float]], Value("X,Z:X,Z:...", corners)]
-Reach = Annotated[Reached, Value("FRAME[-LAST]:JOINT:[@PART+]X,Y,Z[~TOL]", reach)]
-Avoid = Annotated[tuple[str, tuple[float, ...], Range | None], Value("WHAT[@FIRST-LAST]", obstacle)]
-Face = Annotated[tuple[Point, Range | None], Value("X,Y,Z[@FIRST-LAST]", face)]
+Reach = Annotated[Reached, Value("FRAME[-LAST]:JOINT:[@PART+]X,Y,Z[~TOL]", reach, has_parts=True)]
+Avoid = Annotated[
+    tuple[str, tuple[float, ...], Range | None],
+    Value("WHAT[@FIRST-LAST]", obstacle, has_parts=True),
+]
+Face = Annotated[tuple[Point, Range | None], Value("X,Y,Z[@FIRST-LAST]", face, has_parts=True)]
