@@ -76,8 +76,7 @@ def run(options: GraftOptions) -> int:
     if folder is not None:
         library = configuration.load_library(options)
         if options.force:  # the recordings of the library must not be overwritten
-            files_of_clips = (own.source_file for own in library.entries)
-            sources = tuple(own.path for own in files_of_clips if own is not None)
+            sources = tuple(own.source_file.path for own in library.entries if own.source_file)
     else:
         sources = tuple(files.expand_folders(sources, include_grafts=options.include_grafts))
     first = sources[0] if library is None else library.names[0]
