@@ -32,7 +32,7 @@ MISTAKES = [
     ("graft a.bvh -o x --reach 9:LeftHand:@left_hnd+0,0,0", RUNTIME, "no joint is named 'left_h"),
     ("graft a.bvh -o x --reach 9:LeftHand:@+0,0,0", USAGE, "FRAME:JOINT:@PART+LEFT,UP,FORWARD"),
     ("graft a.bvh -o x --reach 9:LeftHand:@chest", USAGE, "FRAME:JOINT:@PART+LEFT,UP,FORWARD"),
-    ("graft a.bvh -o x --swap lower", RUNTIME, "--swap must name groups other than the"),
+    ("graft a.bvh -o x --swap lower", USAGE, "set another base there, and give the motion files"),
     ("graft a.bvh -o x --swap uper", RUNTIME, "choose from upper; did you mean 'upper'?"),
     ("graft a.bvh -o x --only-from aa", RUNTIME, "--only-from must match at least one of a; got"),
     ("graft a.bvh -o x --only-tagged slow", RUNTIME, "--only-tagged must be empty, because"),

@@ -92,6 +92,7 @@ def run(options: GraftOptions) -> int:
             paths, page = graft_files.output_paths(options, library.names[0], sources, suffix)
     if options.model and library.skeleton.hinges is None:
         raise UsageError(f"--model requires motions of a robot, such as .csv; got {first}")
+    configuration.check_swap(library, options.swap)
     constraints = configuration.read_constraints(options, library.rate)
     if options.change:
         constraints.append(KeepOriginal())
