@@ -111,7 +111,7 @@ class Stream:
     This does not apply to segments with constraints on poses, because these are evaluated before
     the next donor is known, nor to the last one; they have the treatment "inertial", which changes
     only frames after a seam. A stream replaces the other treatments by "inertial", and
-    `Config.torso` by "pelvis": the other values smooth the motion of the base over later frames.
+    `Config.torso` by "pelvis": the other value smooths the motion of the base over later frames.
     Translations are those of the base.
 
     ``Config(choice="random")`` draws uniformly from the donor sequences within the limits, among
