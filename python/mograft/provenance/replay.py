@@ -86,7 +86,7 @@ def replay(
     >>> library = mg.Library.build(dance(strides=1).motion)
     >>> document = mg.graft_record(mg.graft(library, seed=7))
     >>> mg.replay(document, library)
-    Graft(dance_graft0: 195 of 197 parts exchanged)
+    Graft(dance_graft0: 196 of 197 parts exchanged)
     """
     record = read_record(source)
     if library is not None:

@@ -180,7 +180,7 @@ def write_graft(
     >>> with TemporaryDirectory() as folder:
     ...     _ = mg.write_graft(mg.graft(library, seed=7), f"{folder}/new.bvh")
     ...     mg.replay(f"{folder}/new.json", library)
-    Graft(dance_graft0: 195 of 197 parts exchanged)
+    Graft(dance_graft0: 196 of 197 parts exchanged)
     """
     grafts = [graft] if isinstance(graft, Graft) else list(graft)
     for own in grafts:
