@@ -308,7 +308,7 @@ def _are_refused(grafts: Sequence[Graft], options: GraftOptions) -> bool:
         remedies = bend if options.from_ else find_remedies(violating[0])
         cause = f"{counts} violate the constraints, because no donor sequence satisfies them"
         ways = [*remedies, *place * bool(options.only_from), "`best_effort` writes all"]
-        text = "; ".join([cause, "no motion was written", *ways])
+        text = "; ".join([f"{cause}; no motion was written", *ways])
         print_error(with_flags(text, options, is_advice=True), messages)
     return bool(violating) and not options.best_effort
 
@@ -442,9 +442,7 @@ def run_demo(options: DemoOptions) -> int:
     document = {"sample": str(sample), "frames": motion.n_frames, "segments": n}
     document |= {"clusters": clusters, "combinations": int(total)}
     document |= {"grafts": [str(path) for path in paths], "page": str(page)}
-    closing_lines = [
-        f"page        {page}: the motions and how they were made",
-        "next:       mograft graft your.bvh -o out/ -n 5",
-    ]
-    print_result(options, "demo/1", document, closing_lines)
+    last = f"page        {page}: the motions and how they were made"
+    next_step = "next:       mograft graft your.bvh -o out/ -n 5"
+    print_result(options, "demo/1", document, [last, next_step])
     return 0
