@@ -47,8 +47,8 @@ pub struct Objective {
 /// errors from both. At a seam, the acceleration is the mean of `Donors::accelerations`; beside it,
 /// half of their difference falls linearly to 0 at `Objective::spread`, or at the other end of the
 /// segment if that is nearer. The first frames, the last frame, frames away from seams and joints
-/// whose donors are constant up to 1e-12 keep their values bit for bit. Takes O(frames × joints) time and, beside
-/// `values`, O(frames) memory.
+/// whose donors are constant up to 1e-12 keep their values bit for bit. Takes O(frames × joints)
+/// time and, beside `values`, O(frames) memory.
 ///
 /// # Errors
 ///
