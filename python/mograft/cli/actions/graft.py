@@ -141,8 +141,9 @@ def _run_replay(options: GraftOptions) -> int:
     for field, name in options.changed().items():
         if field not in (*options.origins, *allowed):
             raise UsageError(
-                f"--{name} cannot be combined with --from, which makes a graft again: for other "
-                "motions give files instead; --change, --take, --ban and --keep change parts of it"
+                f"--{name} cannot be combined with --from, which makes a graft again; --change, "
+                "--take, --ban and --keep change parts of it; for other motions: "
+                f"{graft_files.new_command(options)}"
             )
     source, path = options.from_ or "", options.output
     if os.path.isdir(source):

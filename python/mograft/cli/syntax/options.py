@@ -159,7 +159,7 @@ class DonorOptions(Options, section="donors"):
     not_from: values.Clips | None = setting("clips that must not provide donors, or globs")
     only_tagged: values.Tags | None = setting("tags of clips that may provide donors")
     not_tagged: values.Tags | None = setting("tags of clips that must not provide donors")
-    max_stretch: values.NonNegative | None = setting(
+    max_stretch: values.Stretch | None = setting(
         "maximum stretch of a donor, as a fraction of the base segment's duration (default: 0.15)"
     )
     max_angle: values.Degrees | None = setting("maximum seam angle in degrees (default: 45)")

@@ -186,7 +186,8 @@ def _check_names(parsers: Parsers, words: Sequence[str]) -> None:
                 own for own in parsers if own[:1] != path[:1] and _has_flag(parsers[own], name)
             ]
             if others:
-                hint = f"; mograft {' '.join(others[0])} has it"
+                usage = parsers[others[0]].usage or ""
+                hint = f"; {usage.removesuffix(' [options]')} has it"
             hint = hint or f"; mograft {' '.join(path)} --help-all lists all"
             parsers[path].error(f"{' '.join(path)} has no option {name}{hint}")
 

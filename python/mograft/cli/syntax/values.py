@@ -372,6 +372,8 @@ _distance = number(
     "an angle from 0 to 180, such as 5 (different motions are some 5 to 20 degrees apart)",
     lambda x: 0 <= x <= 180,
 )
+_stretch = number(float, "a fraction from 0 to 3, such as 0.3 for 30 %", lambda x: 0 <= x <= 3)
+_angle = number(float, "an angle in degrees, above 0 and at most 180", lambda x: 0 < x <= 180)
 _non_negative = number(float, "a number of at least 0", lambda x: 0 <= x < math.inf)
 
 Name = Annotated[str, Value("NAME")]
@@ -387,7 +389,8 @@ Rate = Annotated[float, Value("FPS", _positive)]
 Duration = Annotated[float, Value("S", _positive)]
 Tempo = Annotated[float, Value("BPM", _positive)]
 Speed = Annotated[float, Value("X", _positive)]
-Degrees = Annotated[float, Value("DEGREES", _positive)]
+Degrees = Annotated[float, Value("DEGREES", _angle)]
+Stretch = Annotated[float, Value("X", _stretch)]
 Turn = Annotated[float, Value("DEGREES", _turn)]
 Distance = Annotated[float, Value("DEGREES", _distance)]
 Size = Annotated[tuple[int, int], Value("WIDTHxHEIGHT", picture_size)]
