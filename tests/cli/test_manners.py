@@ -72,7 +72,10 @@ def test_help_has_at_most_45_lines_and_help_all_has_all_options(
             "graft a.bvh --speed 2",
             "no option --speed; mograft play FILE ... --vmc HOST[:PORT] has it",
         ),
-        ("check a.bvh --nowhere 0-9", "no option --nowhere; mograft check --help-all lists all"),
+        (
+            "check a.bvh --nowhere 0-9",
+            "no option --nowhere; mograft check --help-all lists all options",
+        ),
     ],
 )
 def test_option_of_another_command_is_named_with_it(usage_error, words, message):

@@ -35,7 +35,7 @@ MISTAKES = [
     ("graft a.bvh -o x --swap lower", USAGE, "set another base there, and give the motion files"),
     ("graft a.bvh -o x --swap uper", RUNTIME, "choose from upper; did you mean 'upper'?"),
     ("graft a.bvh -o x --only-from aa", RUNTIME, "--only-from must match at least one of a; got"),
-    ("graft a.bvh -o x --only-tagged slow", RUNTIME, "--only-tagged must be empty, because"),
+    ("graft a.bvh -o x --only-tagged slow", RUNTIME, "--only-tagged must be left out, as"),
     ("graft a.bvh -o x --take 3=aa:0-9", RUNTIME, "got 'aa'; did you mean 'a'?"),
     ("candidates lib --segment 1 --clip walkk", RUNTIME, "--clip must be a clip, one of dance,"),
     ("candidates a.bvh --segment 1 --group lower", RUNTIME, "--group must be one of upper, not"),
@@ -138,7 +138,9 @@ MISTAKES = [
     ("augment lib -o x -n 2 --split 50", RUNTIME, "--split must be a CSV file of clips and parts"),
     ("graft a.bvh -o x --reach 30:LeftHand:@sword+0,0,0", RUNTIME, "no joint or body part is named "
      "'sword', but Hips, LeftUpLeg, LeftLeg, "),
-    ("graft a.bvh -o x --avoid sphere:0,0,0,500", INFEASIBLE, "mograft export BASE -o new.bvh "
+    ("graft a.bvh -o x --avoid sphere:0,0,0,500", INFEASIBLE, "another --base, or add "
+     "--best-effort"),
+    ("graft a.bvh -o x --avoid sphere:-114,85,183,20", INFEASIBLE, "mograft export BASE -o new.bvh "
      "--avoid ... leads a walk round an obstacle"),
     # Outputs
     ("graft a.bvh", USAGE, "one of -o and --into is required, got none"),
@@ -183,6 +185,11 @@ MISTAKES = [
      "in place of --base"),
     ("graft a.bvh -o x --take 900=a:10-20", RUNTIME, "289-299; did you mean 41? donor of "
      "--take must be a segment of a, got 10-20; most of frames 10-20 is in segment 1, frames 6-16"),
+    ("graft a.bvh -o x --change upper@60-90=b@10-30", USAGE, "mean 'upper@60-90=b:10-30'?"),
+    ("lib verify lib/manifest.json", RUNTIME, "is a file of a library; did you mean 'lib'?"),
+    ("find walk lib -o x.csv", USAGE, "got x.csv; --json prints the results as data"),
+    ("graft a.bvh -o x.fbx", USAGE, "got x.fbx; .fbx is only read: write .glb"),
+    ("graft a.bvh -o x --avoid box:0,0,0,2,2,-2", USAGE, "HX,HY,HZ must not be negative"),
     ("studio text", USAGE, "text is neither a motion file, nor a project.json or a library"),
     ("graft a.bvh -o x --duration 9", USAGE, "--duration requires --scenario graph"),
     ("graft a.bvh -o x --scenario graph --duration 1e300", RUNTIME, "at most 86400 s, got 1e+300"),
@@ -196,7 +203,7 @@ MISTAKES = [
     ("export a.bvh -o x.gif --size 100x101", RUNTIME, "--size must be even numbers from 64"),
     ("plot timeline a.bvh -o x.png --frames 900-950", RUNTIME, "the first within 0-299, got (900"),
     ("graft a.bvh -o x --max-stretch nan", USAGE, "must be a fraction from 0 to 3, such as 0.3"),
-    ("export a.bvh -o x.glb --scale mile", USAGE, "m, cm, mm, inch, CMU or a number above 0"),
+    ("export a.bvh -o x.glb --scale mile", USAGE, "m, cm, mm, inch, CMU or the metres of a"),
     ("graft a.bvh -o x --set sigma_scale=nan", USAGE, "--set: `sigma_scale` must be above 0"),
     ("graft a.bvh -o x --reach 5:Hand:1,2", USAGE, "expected FRAME:JOINT:X,Y,Z[~TOL]"),
     ("graft a.bvh -o x --avoid sphere:0,0,0,-1", USAGE, "`radius` must not be negative"),

@@ -309,7 +309,8 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
     try:
         return _SHAPES[kind](*points, *([rest] * (len(numbers) % 3)))
     except ValueError as error:
-        raise UsageError(f"--avoid {kind}: {error}") from None
+        text = str(error).replace("`half`", "HX,HY,HZ")
+        raise UsageError(f"--avoid {kind}: {text}") from None
 
 
 def check_combinations(options: GraftOptions) -> None:

@@ -121,13 +121,16 @@ def new_command(options: GraftOptions) -> str:
     source = options.from_ or ""
     words = [word for word in options.words if word not in ("--from", source, f"--from={source}")]
     try:
-        first = shlex.split(read_record(source).document["request"]["command"] or "")
+        record = read_record(source)
     except (OSError, ValueError):
-        first = []
-    if "-o" in first:
+        return shlex.join(["mograft", "graft", "FILE", *words[2:]])
+    first = shlex.split(record.document["request"]["command"] or "")
+    if first[1:2] != ["graft"]:  # in Python, or by another command
+        first = ["mograft", "graft", *(record.sources or ["FILE"])]
+    elif "-o" in first:
         at = first.index("-o")
         del first[at : at + 2]
-    return shlex.join([*(first or ["mograft", "graft", "FILE"]), *words[2:]])
+    return shlex.join([*first, *words[2:]])
 
 
 def find_feasible(grafts: Sequence[Graft], library: Library) -> list[int]:

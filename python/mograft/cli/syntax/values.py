@@ -122,6 +122,8 @@ Donor = str | Taken | None
 
 def _donor(text: str) -> Donor:
     """Parse ``CLIP``, ``CLIP:FIRST-LAST`` or an empty text."""
+    if re.search(r"@[\d.]+s?-[\d.]+s?$", text):
+        raise ValueError("expected CLIP:FIRST-LAST")
     clip, _, span = text.rpartition(":")  # The name of a clip may contain colons.
     return (clip, *frames(span)) if clip and span[:1].isdecimal() else text or None
 
@@ -161,13 +163,13 @@ def change(text: str) -> Changed:
     """Parse a value of ``--change``: ``GROUP@FIRST-[LAST][=CLIP[:FIRST-LAST]]``."""
     where, equals, donor = text.partition("=")
     group, _, span = where.rpartition("@")
-    if not group or (equals and not donor):
+    if not group or "@" in group or (equals and not donor):
         raise ValueError
     within = (frame(span[:-1]), None) if span.endswith("-") else frames(span)
     return group, within, _donor(donor)
 
 
-@parser(f"must be {', '.join(UNITS)} or a number above 0")
+@parser(f"must be {', '.join(UNITS)} or the metres of a unit, such as 0.3048")
 def unit(text: str) -> float | str:
     """Parse a unit of length: one of the names `UNITS`, or a number of metres."""
     number: float | str = text if text in UNITS else _positive(text)
