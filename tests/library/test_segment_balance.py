@@ -37,8 +37,7 @@ def test_support_margins_of_any_segments_are_those_of_their_clips(library, place
     np.testing.assert_array_equal(found, expected[chosen])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("mograft.library.segment_balance.CHUNK", 7)
-        for limit in ("_MAX_KNOWN_MARGINS", "_MAX_LAST_MARGINS"):
-            patch.setattr(f"mograft.library.segment_balance.{limit}", 4_000)
+        patch.setattr("mograft.library.segment_balance._MAX_MARGIN_BYTES", 32_000)
         again = replace(library).pool("upper").balance.support_margins(chosen)
     np.testing.assert_array_equal(again, expected[chosen])
 

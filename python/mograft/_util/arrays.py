@@ -132,12 +132,14 @@ def _as_real_array(name: str, value: npt.ArrayLike, shape: Shape | None) -> Floa
     return floats
 
 
-def _check_shape(name: str, got: tuple[int, ...], shape: Shape | None) -> None:
-    if shape is None:
-        return
-    agree = len(got) == len(shape) and all(
+def fits_shape(got: tuple[int, ...], shape: Shape) -> bool:
+    """Return whether lengths of axes are those of `shape`, as for `as_floats`."""
+    return len(got) == len(shape) and all(
         isinstance(want, str) or want == length for want, length in zip(shape, got, strict=True)
     )
-    if not agree:
+
+
+def _check_shape(name: str, got: tuple[int, ...], shape: Shape | None) -> None:
+    if shape is not None and not fits_shape(got, shape):
         wanted = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
         raise ValueError(f"`{name}` must have shape ({wanted}), got {got}")

@@ -38,13 +38,10 @@ def euler_angles(motion: Motion, joint: int) -> FloatArray:
     those of the file; otherwise `rotations.to_euler` computes them.
     """
     skeleton = motion.skeleton
-    names, columns = skeleton.channels[joint], skeleton.channel_columns[joint]
-    values = motion.channel_values
-    if values is not None:
-        is_rotation = [name.endswith("rotation") for name in names]
-        selected = np.array(columns, np.int64)[is_rotation]
-        if not np.isnan(values[:, selected]).any():
-            return np.radians(values[:, selected])
+    if motion.channel_values is not None:
+        values = motion.channel_values[:, skeleton.rotation_columns[joint]]
+        if not np.isnan(values).any():
+            return np.radians(values)
     return rotations.to_euler(motion.rotations[:, joint], skeleton.rotation_order(joint))
 
 

@@ -140,7 +140,7 @@ def normalise(
     filled = 0
     for index, clip in enumerate(clips):
         own, track = cut[cut.of_clip(index)], clip.world_track(root)
-        turns = rotations.inverse(_headings(track[0][own.start], up))
+        turns = rotations.inverse(segment_headings(track[0][own.start], up))
         # In chunks, because rows in double precision take more memory than the clip.
         for start in range(0, len(own), CHUNK):
             chunk = slice(start, start + CHUNK)
@@ -176,16 +176,12 @@ def _resample(
     return quats, resample_segment_positions(places, *bounds).reshape(n, m, 3)
 
 
-def segment_headings(motion: Motion, cut: Segments, *, root: int, up: int) -> FloatArray:
-    """Return the headings that `normalise` removes, shape (n_segments, 4)."""
-    return _headings(motion.world_track(root)[0][cut.start], up)
+def segment_headings(first: FloatArray, up: int) -> FloatArray:
+    """Return the headings that `normalise` removes, shape (n_segments, 4).
 
-
-def _headings(first: FloatArray, up: int) -> FloatArray:
-    """Return the part about the axis `up` of each rotation in `first`, shape (n_segments, 4).
-
-    `first` has the root rotation at the start of each segment. The heading is undefined if this
-    rotation is half a turn about a horizontal axis; then that of the previous segment is used.
+    They are the parts about the axis `up` of the rotations `first` of the root, in the world at the
+    start of each segment. The heading is undefined if this rotation is half a turn about a
+    horizontal axis; then that of the previous segment is used.
     """
     parts = first[:, [up, 3]]
     is_undefined = np.hypot(*parts.T) < 1e-6

@@ -195,8 +195,7 @@ def _neighbours(chains: JointChains, unit_of_node: IntArray) -> BoolArray:
     """Return which units are connected in the hierarchy, directly or only through the base."""
     n_units = int(unit_of_node.max()) + 1
     found = np.zeros((n_units, n_units), bool)
-    for parent, node in chains.edges():
-        found[unit_of_node[parent], unit_of_node[node]] = True
+    found[unit_of_node[chains.parents[1:]], unit_of_node[1:]] = True
     found |= found.T
     attached = np.flatnonzero(found[0])
     found[np.ix_(attached, attached)] = True

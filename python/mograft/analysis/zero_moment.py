@@ -82,8 +82,9 @@ class ZeroMomentTrack:
         acceleration = np.gradient(np.gradient(center, axis=0), axis=0) * motion.rate**2
         floor = float(ground.floors.min())
         points, is_loaded = zero_moment_points(center, acceleration, ground.up, floor, height)
-        is_turned = not config.keep_heading
-        headings = segment_headings(motion, cut, root=root, up=up) if is_turned else None
+        headings = None
+        if not config.keep_heading:
+            headings = segment_headings(motion.world_track(root)[0][cut.start], up)
         return cls(ground, points, is_loaded, headings)
 
 

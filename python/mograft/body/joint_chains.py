@@ -77,10 +77,6 @@ class JointChains:
             node_of_joint=node_of_joint,
         )
 
-    def edges(self) -> list[tuple[int, int]]:
-        """Return the pairs of nodes that are neighbours in the hierarchy, parents first."""
-        return [(parent, node) for node, parent in enumerate(self.parents.tolist()) if parent >= 0]
-
     def base_chains(self, supports: BoolArray) -> BoolArray:
         """Return which chains must be in the base group, one value per chain.
 

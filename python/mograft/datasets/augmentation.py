@@ -216,7 +216,7 @@ class Augmentation(LazySequence[dict[str, Array]]):
         clips = library.clips
         if isinstance(clips, StoredClips):
             mean = sum(info.n_frames for info in library.entries) / len(library.entries)
-            clips.max_cached_clips = max(clips.max_cached_clips, ceil(_CACHED_FRAMES / mean))
+            clips.cache.limit = max(clips.cache.limit, ceil(_CACHED_FRAMES / mean))
         return replace(library, is_donor=library.is_donor & self.part.clips[library.segments.clip])
 
     def _draw(self, base: int, count: int) -> tuple[GraftPlan, list[DonorSequences]]:

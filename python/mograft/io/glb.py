@@ -68,6 +68,19 @@ class GltfBuffer:
         self.accessors.append(accessor)
         return len(self.accessors) - 1
 
+    def add_keys(
+        self, times: FloatArray, values: FloatArray, inputs: dict[int, int], **fields: str
+    ) -> Json:
+        """Append the keys of a track, in single precision, and return its sampler with `fields`.
+
+        `inputs` has the accessors of the key times of an animation, by number of keys. Each is
+        added at its first use, because validators report unused accessors.
+        """
+        if len(times) not in inputs:
+            inputs[len(times)] = self.add(times.astype("<f4"), "SCALAR", has_bounds=True)
+        output = self.add(values.astype("<f4"), f"VEC{values.shape[1]}")
+        return {"input": inputs[len(times)], **fields, "output": output}
+
     def add_bytes(self, content: bytes | memoryview) -> int:
         """Append bytes and return the index of their buffer view."""
         offset = self.append(content)
@@ -229,25 +242,18 @@ def _build_animation(
     """
     quats, positions = transform.local_transforms(motion)
     offsets = transform.scale * offsets
-    times = (np.arange(motion.n_frames) * motion.frame_time).astype("<f4")
-    # Accessors of the key times, by number of keys. Each is added at its first use, because
-    # validators report unused accessors.
+    times = np.arange(motion.n_frames, dtype=np.float64) * motion.frame_time
     inputs: dict[int, int] = {}
     samplers: list[Json] = []
     channels: list[Json] = []
     for joint in range(motion.n_joints):
-        tracks = [("rotation", "VEC4", quats[:, joint])]
+        tracks = {"rotation": quats[:, joint]}
         if joint == 0 or (positions[:, joint] != offsets[joint]).any():
-            tracks.append(("translation", "VEC3", positions[:, joint]))
-        for path, element_type, values in tracks:
-            is_constant = not np.ptp(values, axis=0).any()
-            keys = values[:1] if is_constant else values
-            if len(keys) not in inputs:
-                inputs[len(keys)] = buffer.add(times[: len(keys)], "SCALAR", has_bounds=True)
-            output = buffer.add(keys.astype("<f4"), element_type)
-            samplers.append({"input": inputs[len(keys)], "output": output})
-            target = {"node": joint, "path": path}
-            channels.append({"sampler": len(samplers) - 1, "target": target})
+            tracks["translation"] = positions[:, joint]
+        for path, values in tracks.items():
+            keys = slice(None if np.ptp(values, axis=0).any() else 1)
+            channels.append({"sampler": len(samplers), "target": {"node": joint, "path": path}})
+            samplers.append(buffer.add_keys(times[keys], values[keys], inputs))
     return {"name": motion.name or "motion", "samplers": samplers, "channels": channels}
 
 

@@ -16,7 +16,7 @@ from mograft.io.rest_pose import to_local
 from mograft.io.smpl.body_models import BODY_JOINTS, smpl_parents
 from mograft.motion import limits, rotations
 from mograft.motion.motion import Motion
-from mograft.motion.skeleton import CHANNELS, Skeleton
+from mograft.motion.skeleton import Skeleton, usual_channels
 
 RATE = 30.0
 """Frames per second of the models of Kimodo; their files do not state it."""
@@ -145,9 +145,7 @@ def _to_motion(archive: NpzArchive, kind: KimodoSkeleton, n_frames: int) -> Moti
     is_rigid = np.abs(positions - offsets).max(axis=(0, 2)) <= _RIGID_TOLERANCE * extent
     is_rigid[0] = False
     positions[:, is_rigid] = offsets[is_rigid]
-    turns = ("Zrotation", "Xrotation", "Yrotation")
-    channels = [turns if rigid else (*CHANNELS[:3], *turns) for rigid in is_rigid]
-    skeleton = Skeleton(kind.joints, parents, offsets, tuple(channels))
+    skeleton = Skeleton(kind.joints, parents, offsets, usual_channels(~is_rigid))
     local, path = rotations.continuous_signs(local), archive.path
     return Motion(skeleton, 1.0 / RATE, local, positions, name=path.stem, path=path)
 

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.lib.format as npy
 import numpy.typing as npt
 
-from mograft._util.arrays import FloatArray, IntArray, Shape
+from mograft._util.arrays import FloatArray, IntArray, Shape, fits_shape
 from mograft._util.atomic import atomic_path, write_bytes
 from mograft._util.names import unique_names
 from mograft.errors import FormatError, join_names
@@ -132,10 +132,7 @@ class NpzArchive(NamedTuple):
         header = self.headers.get(f"{self.prefix}{name}")
         if header is None:
             raise self.error(name, "expected this array, got none of this name")
-        pairs = zip(shape, header.shape, strict=False)
-        if len(shape) != len(header.shape) or any(
-            want != length for want, length in pairs if not isinstance(want, str)
-        ):
+        if not fits_shape(header.shape, shape):
             wanted = str(shape).replace("'", "")
             raise self.error(name, f"expected shape {wanted}, got {header.shape}")
         if header.dtype.hasobject:

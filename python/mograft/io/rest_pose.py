@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from mograft import _core
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.containers import remember
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
-from mograft.motion.skeleton import CHANNELS, Skeleton
+from mograft.motion.skeleton import Skeleton, usual_channels
 
 POSITION_TOLERANCE = 1e-5
 """Distance from its rest offset, as a fraction of the extent of the rest pose, up to which a joint
@@ -72,17 +72,11 @@ def rebase(
     is_translated[0] = True
     positions[:, ~is_translated] = offsets[~is_translated]
     key = ("skeleton", is_translated.tobytes())
-    skeleton = remember(rest, key, lambda: _skeleton(rest, is_translated))
+    channels = usual_channels(is_translated)
+    skeleton = remember(rest, key, lambda: Skeleton(rest.names, rest.parents, offsets, channels))
     quats = local / np.sqrt(np.einsum("...i,...i->...", local, local))[..., None]
     quats = rotations.continuous_signs(quats)
     return Motion(skeleton, frame_time, quats, positions, name=name, path=path, clip=clip)
-
-
-def _skeleton(rest: RestPose, is_translated: BoolArray) -> Skeleton:
-    """Return the skeleton of a rest pose, with position channels where `is_translated`."""
-    turns = ("Zrotation", "Xrotation", "Yrotation")
-    channels = [(*CHANNELS[:3], *turns) if own else turns for own in is_translated]
-    return Skeleton(rest.names, rest.parents, rest.offsets, tuple(channels))
 
 
 def restore(rest: RestPose, motion: Motion) -> tuple[FloatArray, FloatArray]:

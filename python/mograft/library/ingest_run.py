@@ -69,8 +69,8 @@ class IngestOptions(AddOptions, total=False):
     hierarchy: Skeleton | None
 
 
-_OPTIONS = ("skeleton", "hierarchy", "frame_rates", "tags", "executor")
-_OPTION_TYPES: tuple[type, ...] = (Skeleton, Skeleton, Mapping, Mapping, Executor)
+_OPTION_TYPES: dict[str, type] = {"skeleton": Skeleton, "hierarchy": Skeleton, "tags": Mapping}
+_OPTION_TYPES |= {"frame_rates": Mapping, "executor": Executor}
 """Types of the options that may be None."""
 
 
@@ -100,7 +100,7 @@ class IngestPlan:
         check_type("config", self.config, Config)
         if self.is_packed:
             check_storable(self.config)
-        for name, kind in zip(_OPTIONS, _OPTION_TYPES, strict=True):
+        for name, kind in _OPTION_TYPES.items():
             if getattr(self, name) is not None:
                 check_type(name, getattr(self, name), kind)
         if self.progress is not None and not callable(self.progress):

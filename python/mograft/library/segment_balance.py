@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.containers import SizedCache
 from mograft.analysis.embedding import CHUNK, Samples
 from mograft.analysis.zero_moment import (
     N_DIRECTIONS,
@@ -20,12 +21,8 @@ from mograft.library.spec import LibrarySpec
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 
-_MAX_KNOWN_MARGINS = 1 << 24
-"""Largest number of support margins that are kept: 128 MiB."""
-
-_MAX_LAST_MARGINS = 1 << 21
-"""Largest number that is kept if a clip alone has more than `_MAX_KNOWN_MARGINS`: searches take the
-segments of a clip in order, and do not need earlier ones again."""
+_MAX_MARGIN_BYTES = 1 << 27
+"""Bytes of support margins that are kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +42,9 @@ class LibraryBalance:
     _offsets: dict[bytes, tuple[FloatArray, BoolArray]] = field(default_factory=dict)
     _tracks: dict[int, ZeroMomentTrack] = field(default_factory=dict)  # of the last clip
     # Margins by clip and block of segments.
-    _margins: dict[tuple[int, int], FloatArray] = field(default_factory=dict)
+    _margins: SizedCache[tuple[int, int], FloatArray] = field(
+        default_factory=lambda: SizedCache(_MAX_MARGIN_BYTES)
+    )
 
     def mass_offsets(self, joints: IntArray, segments: IntArray) -> FloatArray:
         """Return the mass offsets of a joint group in some segments, shape (n, n_samples, 2)."""
@@ -78,8 +77,7 @@ class LibraryBalance:
     def _margins_of_block(self, clip: int, block: int, members: IntArray) -> FloatArray:
         """Return the support margins of a block of at most `CHUNK` segments of a clip.
 
-        `members` are all segments of the clip. Results are kept; the oldest are dropped if there
-        are more than `_MAX_KNOWN_MARGINS`, or `_MAX_LAST_MARGINS` if the clip has more than that.
+        `members` are all segments of the clip.
         """
         known = self._margins.get((clip, block))
         if known is None:
@@ -92,12 +90,5 @@ class LibraryBalance:
                 self._tracks[clip] = track
             chosen = slice(block * CHUNK, (block + 1) * CHUNK)
             known = support_margins(motion, cut, track, self.config, up=up, chosen=chosen)
-            total = len(members) * self.config.samples * N_DIRECTIONS
-            limit = _MAX_KNOWN_MARGINS if total <= _MAX_KNOWN_MARGINS else _MAX_LAST_MARGINS
-            keys = list(self._margins)  # other threads may add blocks
-            self._margins[clip, block] = known
-            n_known = sum(own.size for own in list(self._margins.values()))
-            while n_known > limit and keys:
-                dropped = self._margins.pop(keys.pop(0), None)
-                n_known -= 0 if dropped is None else dropped.size
+            self._margins.put((clip, block), known, known.nbytes)
         return known

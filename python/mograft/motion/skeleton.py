@@ -9,20 +9,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mograft._util.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    as_floats,
-    as_indices,
-    make_read_only,
-    set_fields,
-)
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, as_floats, as_indices, set_fields
 from mograft.errors import SkeletonMismatchError, join_names, suggest_name
 from mograft.motion.hinges import Hinges
 from mograft.motion.limits import MAX_COORDINATE, check_hierarchy
 
 CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
+
+
+def usual_channels(has_position: Iterable[bool]) -> tuple[tuple[str, ...], ...]:
+    """Return Z, X and Y rotation as the channels of each joint, after positions if it has any."""
+    turns = ("Zrotation", "Xrotation", "Yrotation")
+    return tuple((*CHANNELS[:3], *turns) if own else turns for own in has_position)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,21 +49,6 @@ class EndSite:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         set_fields(self, state)
-
-
-def make_end_sites(
-    parents: Sequence[int], offsets: FloatArray, before: Sequence[int], names: Sequence[str]
-) -> tuple[EndSite, ...]:
-    """Return end sites from their fields; `offsets` has shape (n_sites, 3).
-
-    Checking all offsets together is faster than constructing each `EndSite`.
-    """
-    rows = as_floats("offsets", offsets, (len(parents), 3), MAX_COORDINATE).copy()
-    make_read_only(rows)
-    sites = tuple(object.__new__(EndSite) for _ in rows)
-    for site, *own in zip(sites, parents, rows, before, names, strict=True):
-        site.__dict__.update(zip(("parent", "offset", "before", "name"), own, strict=True))
-    return sites
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,9 +109,7 @@ class Skeleton:
             raise ValueError("`parents` must be -1 at joint 0, the root, and nowhere else")
         check_hierarchy(names, parents.tolist())
         offsets = as_floats("offsets", self.offsets, (n_joints, 3), MAX_COORDINATE).copy()
-        rotation = ("Zrotation", "Xrotation", "Yrotation")
-        default = ((*CHANNELS[:3], *rotation), *[rotation] * (n_joints - 1))
-        channels = tuple(tuple(names) for names in self.channels) or default
+        channels = tuple(tuple(names) for names in self.channels) or usual_channels(parents < 0)
         if len(channels) != n_joints:
             expected = f"{n_joints} entries, one per joint"
             raise ValueError(f"`channels` must have {expected}, got {len(channels)}")

@@ -123,7 +123,7 @@ def _read(project: Project, paths: Sequence[str], progress: Progress) -> Library
             n_numbers = 7 * library.skeleton.n_joints + library.skeleton.n_channels
             size = 8 * n_numbers * max(own.n_frames for own in library.entries)
             clips = library.clips
-            clips.max_cached_clips = max(clips.max_cached_clips, _MAX_BYTES_OF_CLIPS // size)
+            clips.cache.limit = max(clips.cache.limit, _MAX_BYTES_OF_CLIPS // size)
         return library
     config = project.full_config
     built = {name: getattr(config, name) for name in Config.fields_of(*BUILD_STAGES)}

@@ -9,7 +9,7 @@ import numpy as np
 
 from mograft.io.bvh.cursor import Cursor, Position, describe_word
 from mograft.motion import limits
-from mograft.motion.skeleton import CHANNELS, Skeleton, make_end_sites
+from mograft.motion.skeleton import CHANNELS, EndSite, Skeleton
 
 # Patterns for `Cursor.take`: one group, followed by white space.
 _NAME = re.compile(rb"([^\r\n{]*)[ \t-\r]*")
@@ -116,12 +116,9 @@ def _read_hierarchy(cursor: Cursor) -> Skeleton:
     site_words, places, ends, parents, ranks = [*zip(*tree.sites, strict=True)] or [()] * 5
     site_names = _decode_names(cursor, site_words, places)
     _check_names(cursor, names, positions)
-    site_offsets = np.array(ends, np.float64).reshape(-1, 3)
-    sites = make_end_sites(parents, site_offsets, ranks, site_names)
     try:
-        return Skeleton(
-            names, np.array(tree.parents), np.array(offsets, np.float64), channels, sites
-        )
+        sites = tuple(map(EndSite, parents, ends, ranks, site_names))
+        return Skeleton(names, np.array(tree.parents), np.array(offsets), channels, sites)
     except ValueError as error:
         cursor.fail(str(error))
 
@@ -268,9 +265,6 @@ def _check_names(cursor: Cursor, names: Sequence[str], positions: Sequence[Posit
     If the cursor is strict, raise BvhError instead.
     """
     known: set[str] = set()
-    all_names = "".join(names)
-    if len(set(names)) == len(names) and " " not in all_names and "\t" not in all_names:
-        return
     for name, position in zip(names, positions, strict=True):
         if " " in name or "\t" in name:
             cursor.tolerate("blank name", f"a space in the name {name!r}", position)

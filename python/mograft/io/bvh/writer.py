@@ -14,7 +14,6 @@ from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.atomic import atomic_path
 from mograft._util.validate import check_type, is_integer
 from mograft.io.bvh.cursor import BvhFile
-from mograft.motion.limits import MAX_LEVELS
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import EndSite, Skeleton
 
@@ -108,7 +107,8 @@ def _format_blocks(motion: Motion, digits: int | None) -> Iterator[bytes]:
     is_in_order = joints == list(range(skeleton.n_joints))
     timing = f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {motion.frame_time!r}\n"
     yield "\n".join([*header, timing]).encode()
-    is_angle = _find_angles(skeleton)
+    is_angle = np.zeros(skeleton.n_channels, bool)
+    is_angle[list(chain(*skeleton.rotation_columns))] = True
     if digits is None:
         digits = max(_count_read_decimals(motion, is_angle), _MIN_DECIMALS)
     columns = list[int]()
@@ -121,12 +121,6 @@ def _format_blocks(motion: Motion, digits: int | None) -> Iterator[bytes]:
         numbers[is_rounded] = round_numbers(numbers[is_rounded], digits)
         ordered = numbers if is_in_order else numbers[:, columns]
         yield _core.format_rows(np.ascontiguousarray(ordered))
-
-
-def _find_angles(skeleton: Skeleton) -> BoolArray:
-    """Return whether each channel is an angle, shape (n_channels,)."""
-    kinds = {own: [name.endswith("rotation") for name in own] for own in set(skeleton.channels)}
-    return np.array([*chain.from_iterable(map(kinds.__getitem__, skeleton.channels))], bool)
 
 
 def _count_read_decimals(motion: Motion, is_angle: BoolArray) -> int:
@@ -164,14 +158,7 @@ def _format_hierarchy(skeleton: Skeleton) -> tuple[list[str], list[int]]:
     An item of the first list may hold several lines.
     """
     lines, order = ["HIERARCHY"], list[int]()
-    below, sites = skeleton.children_and_sites, skeleton.end_sites
-    offsets = _format_offsets(skeleton.offsets)
-    ends = dict(zip(sites, _format_offsets([site.offset for site in sites]), strict=True))
-    channels = {
-        names: " ".join(["CHANNELS", str(len(names)), *names]) for names in set(skeleton.channels)
-    }
-    tabs = ["\t" * depth for depth in range(_MAX_INDENTATION)]
-    tabs += ["\t" * _MAX_INDENTATION] * MAX_LEVELS
+    below = skeleton.children_and_sites
     # An explicit stack of joints, end sites and, as None, closing lines still to be written:
     # chains may be deeper than Python's recursion limit.
     stack: list[int | EndSite | None] = [0]
@@ -180,16 +167,18 @@ def _format_hierarchy(skeleton: Skeleton) -> tuple[list[str], list[int]]:
         item = stack.pop()
         if item is None:
             depth -= 1
-            lines.append(tabs[depth] + "}")
+            lines.append("\t" * min(depth, _MAX_INDENTATION) + "}")
             continue
-        tab = tabs[depth]
+        tab = "\t" * min(depth, _MAX_INDENTATION)
         if isinstance(item, EndSite):
             title = f"End Site {item.name}".rstrip(" ")
-            lines.append(f"{tab}{title}\n{tab}{{\n{tab}\tOFFSET {ends[item]}\n{tab}}}")
+            lines.append(f"{tab}{title}\n{tab}{{\n{tab}\t{_offset(item.offset)}\n{tab}}}")
             continue
+        own = skeleton.channels[item]
         lines.append(
-            f"{tab}{kind} {skeleton.names[item]}\n{tab}{{\n{tab}\tOFFSET {offsets[item]}\n"
-            f"{tab}\t{channels[skeleton.channels[item]]}"
+            f"{tab}{kind} {skeleton.names[item]}\n{tab}{{\n"
+            f"{tab}\t{_offset(skeleton.offsets[item])}\n"
+            f"{tab}\t{' '.join(['CHANNELS', str(len(own)), *own])}"
         )
         order.append(item)
         depth, kind = depth + 1, "JOINT"
@@ -198,17 +187,8 @@ def _format_hierarchy(skeleton: Skeleton) -> tuple[list[str], list[int]]:
     return lines, order
 
 
-def _format_offsets(offsets: FloatArray | list[FloatArray]) -> list[str]:
-    """Return the text of each offset: numbers as `repr` writes them, separated by spaces."""
-    rows = np.array(offsets, np.float64).reshape(-1, 3)
-    texts = _core.format_rows(rows).decode().splitlines()
-    # The kernel and `repr` write numbers of at most 15 digits and 6 decimals equally, from 1e-4 on.
-    sizes = np.minimum(np.abs(rows), 1e9)
-    is_equal = (sizes < 1e9) & (np.rint(sizes * 1e6) / 1e6 == sizes)
-    is_equal &= (sizes >= 1e-4) | (sizes == 0.0)
-    for row in np.flatnonzero(~is_equal.all(axis=1)).tolist():
-        texts[row] = " ".join(map(repr, rows[row].tolist()))
-    return texts
+def _offset(offset: FloatArray) -> str:
+    return " ".join(["OFFSET", *map(repr, offset.tolist())])
 
 
 def _is_text_file(stream: IO[Any]) -> bool:

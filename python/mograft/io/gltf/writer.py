@@ -284,16 +284,13 @@ def _build_animation(
     if addition.clip is not None:
         _keep_channels(file, addition.clip, tables, samplers, channels)
     ends = sorted({0, len(tables.times) - 1})
-    inputs: dict[int, int] = {}  # accessor of the key times, by number of keys
+    inputs: dict[int, int] = {}
     for (node, path), values in tables.keys.items():
         stored = values.astype("<f4")
         rows = np.arange(len(stored)) if (stored != stored[0]).any() else np.array(ends)
-        if len(rows) not in inputs:
-            times = tables.times[rows].astype("<f4")
-            inputs[len(rows)] = buffer.add(times, "SCALAR", has_bounds=True)
-        output = buffer.add(stored[rows], f"VEC{stored.shape[1]}")
         channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
-        samplers.append({"input": inputs[len(rows)], "interpolation": "LINEAR", "output": output})
+        keys = tables.times[rows], values[rows]
+        samplers.append(buffer.add_keys(*keys, inputs, interpolation="LINEAR"))
     animation = {"name": name, "channels": channels, "samplers": samplers}
     text = addition.provenance
     return animation if text is None else with_provenance(animation, text)

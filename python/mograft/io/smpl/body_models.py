@@ -23,12 +23,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.body.anatomy import anatomy
+from mograft.body.joint_names import ARM, LEG
 from mograft.errors import FormatError, join_names, suggest_name
 from mograft.io.export_figure import UNITS, guess_unit
 from mograft.motion.skeleton import CHANNELS, EndSite, Skeleton
@@ -174,15 +176,7 @@ _ENDS = {
 }
 
 # A bone begins at the first joint of a body part and ends at the first joint of the next part.
-_NEXT_PART = {
-    "thigh": "shank",
-    "shank": "foot",
-    "foot": "toe",
-    "clavicle": "upper_arm",
-    "upper_arm": "forearm",
-    "forearm": "hand",
-    "neck": "head",
-}
+_NEXT_PART = dict([*pairwise(LEG), *pairwise(ARM[:-1]), ("neck", "head")])
 
 
 def read_offsets(path: str | os.PathLike[str]) -> Skeleton:

@@ -1,6 +1,5 @@
 """Clips and samples that are read from the files of a library when they are needed."""
 
-from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -9,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft._util.containers import LazySequence
+from mograft._util.containers import LazySequence, SizedCache
 from mograft.analysis.embedding import CHUNK, Samples
 from mograft.io.bvh.reader import channels_to_transforms
 from mograft.library.clip_table import ClipTable, PackedContent
@@ -97,22 +96,19 @@ class StoredClips(LazySequence[Motion]):
     ) -> None:
         self.table, self.folder = table, folder
         self._frames, self._spec = frames, spec
-        self.max_cached_clips = _MAX_CACHED_CLIPS
-        self._cache: OrderedDict[int, Motion] = OrderedDict()
+        self.cache: SizedCache[int, Motion] = SizedCache(_MAX_CACHED_CLIPS)
 
     def __len__(self) -> int:
         return len(self.table.entries)
 
     def item(self, index: int) -> Motion:
         """Return a clip at the rate and with the hierarchy of the library."""
-        motion = self._cache.get(index)
+        motion = self.cache.get(index)
         if motion is None:
             motion = self.original(index)
             with damage_raises_library_error(self.folder, f"clip {index}"):
                 motion = self._spec.convert(motion, self.table.entries[index].name)
-            self._cache[index] = motion
-            if len(self._cache) > self.max_cached_clips:
-                self._cache.popitem(last=False)
+            self.cache.put(index, motion, 1)
         return motion
 
     def original(self, index: int, *, as_read: bool = False) -> Motion:
