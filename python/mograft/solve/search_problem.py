@@ -360,12 +360,8 @@ class SearchProblem:
 
     def count_alternatives(self, group: str) -> IntArray:
         """Return how many candidates other than the base segment each position has."""
-        lists = self.candidates[group]
-        counts = np.array([len(own) for own in lists], np.int64)
-        others = np.concatenate(lists) != np.repeat(self.scenario, counts)
-        stops = np.cumsum(counts)
-        n_others = np.append(0, np.cumsum(others))
-        return n_others[stops] - n_others[stops - counts]
+        pairs = zip(self.candidates[group], self.scenario, strict=True)
+        return np.array([np.count_nonzero(own != base) for own, base in pairs], np.int64)
 
     def positions_with(self, excess: FloatArray) -> BoolArray:
         """Return whether each position has a frame in which `excess` is above 0.
