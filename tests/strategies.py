@@ -135,11 +135,11 @@ def assert_same_rotations(actual, desired, atol=1e-12):
     np.testing.assert_array_less(gaps, atol)
 
 
-def transform_motion(motion, scale=1.0, yaw=0.0, offset=(0.0, 0.0, 0.0)):
-    """Return a motion with y up in another unit, with another heading and root position."""
+def transform_motion(motion, scale=1.0, yaw=0.0, offset=(0.0, 0.0, 0.0), turn=None):
+    """Return a motion in another unit, turned (by default about y) and moved."""
     skeleton = motion.skeleton
     quats, positions = motion.rotations.copy(), motion.positions * scale
-    turn = rotations.exp(np.array([0.0, yaw, 0.0]))
+    turn = rotations.exp(np.array([0.0, yaw, 0.0])) if turn is None else turn
     quats[:, 0] = rotations.multiply(turn, quats[:, 0])
     positions[:, 0] = rotations.rotate(turn, positions[:, 0]) + np.asarray(offset) * scale
     sites = [replace(site, offset=np.asarray(site.offset) * scale) for site in skeleton.end_sites]

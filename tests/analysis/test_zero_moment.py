@@ -85,10 +85,7 @@ def test_zero_moment_points_of_rotated_world_are_rotated(motion, turn):
     """Each axis, positive and negative, points up in one of the rotated worlds."""
     axis, quarters = turn
     world = rotations.exp(0.5 * np.pi * quarters * np.eye(3)[axis])
-    quats, positions = motion.rotations.copy(), motion.positions.copy()
-    quats[:, 0] = rotations.multiply(world, quats[:, 0])
-    positions[:, 0] = rotations.rotate(world, positions[:, 0])
-    other = replace(motion, rotations=quats, positions=positions, channel_values=None)
+    other = move(motion, turn=world)
     ground, turned = Ground.of(motion), Ground.of(other)
     np.testing.assert_allclose(turned.up, rotations.rotate(world, ground.up), atol=1e-12)
     up = int(np.abs(turned.up).argmax())
