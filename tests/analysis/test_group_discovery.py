@@ -22,7 +22,7 @@ from mograft.dancer import dance
 from mograft.library.build import spread_evenly
 from mograft.motion import rotations
 from tests.hierarchies import DATA, human
-from tests.strategies import SEEDS, few_examples, person, transform_motion
+from tests.strategies import SEEDS, few_examples, person, turn_motion
 
 CHAINS = {
     "base": "Hips LeftHip LeftKnee LeftAnkle RightHip RightKnee RightAnkle",
@@ -299,7 +299,7 @@ def test_support_shares_do_not_depend_on_the_up_direction(turn, turns_rest_pose)
         positions = rotations.rotate(turn, motion.positions)
         turned = Motion(skeleton, motion.frame_time, quats, positions)
     else:
-        turned = transform_motion(motion, turn=turn)
+        turned = turn_motion(motion, turn)
     np.testing.assert_allclose(support_shares(turned), support_shares(motion), atol=0.01)
 
 

@@ -26,7 +26,7 @@ from mograft.motion import rotations
 from tests.hierarchies import with_joint_above_root
 from tests.oracles import balance as balance_oracle
 from tests.oracles import search as oracle
-from tests.strategies import SEEDS, few_examples
+from tests.strategies import SEEDS, few_examples, turn_motion
 from tests.strategies import transform_motion as move
 
 SHIFT = (100.0, 0.0, -30.0)
@@ -85,7 +85,7 @@ def test_zero_moment_points_of_rotated_world_are_rotated(motion, turn):
     """Each axis, positive and negative, points up in one of the rotated worlds."""
     axis, quarters = turn
     world = rotations.exp(0.5 * np.pi * quarters * np.eye(3)[axis])
-    other = move(motion, turn=world)
+    other = turn_motion(motion, world)
     ground, turned = Ground.of(motion), Ground.of(other)
     np.testing.assert_allclose(turned.up, rotations.rotate(world, ground.up), atol=1e-12)
     up = int(np.abs(turned.up).argmax())

@@ -26,7 +26,6 @@ from tests.strategies import (
 
 NAMES = tuple(SEAM_TREATMENTS)
 SMOOTH = [name for name in NAMES if name not in ("displacement", "paper")]
-CAUSAL = [name for name in NAMES if SEAM_TREATMENTS[name].is_causal]
 
 
 @pytest.mark.parametrize("space", [ROTATIONS, TRANSLATIONS])
@@ -129,17 +128,6 @@ def test_add_offsets_agrees_with_numpy(lengths, seed, blend):
         np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-13)
 
 
-@given(SEEDS, st.sampled_from(CAUSAL))
-def test_close_causal_treatment_keeps_frames_before_the_seam(seed, seam):
-    rng = np.random.default_rng(seed)
-    poses, speeds = smooth_rotations(rng, 2, 3), rng.normal(size=(2, 3, 3))
-    boundaries = SeamBoundaries(ROTATIONS, poses[:1], poses[1:], speeds[:1], speeds[1:])
-    times = PieceTimes(np.zeros(5, int), np.linspace(0, 0.2, 5), np.array([0.2, 0.3]), 0.3)
-    values = smooth_rotations(rng, 5, 3)
-    closed = SEAM_TREATMENTS[seam].close(values, times, boundaries)
-    np.testing.assert_array_equal(closed, values)
-
-
 @given(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=20), st.sampled_from(NAMES))
 def test_root_velocity_weights_fall_from_the_seam_to_zero(shares, seam):
     treatment = SEAM_TREATMENTS[seam]
@@ -150,17 +138,6 @@ def test_root_velocity_weights_fall_from_the_seam_to_zero(shares, seam):
     assert sum(side[-1] for side in weights) in (0.0, 1.0)
     if treatment.is_causal:
         assert not weights[0].any()
-
-
-def test_displacement_opposite_gaps_cancel_half_way():
-    delta = np.array([[[0.3, -0.2, 0.5]]])
-    pose = np.array([[rotations.IDENTITY]])
-    other = rotations.exp(delta)
-    ends, still = (np.repeat(own, 2, axis=0) for own in (pose, other)), np.zeros((2, 1, 3))
-    boundaries = SeamBoundaries(ROTATIONS, *ends, still, still)
-    times = PieceTimes(np.array([1]), np.array([0.5]), np.ones(3), 0.3)
-    closed = SEAM_TREATMENTS["displacement"].close(pose, times, boundaries)
-    np.testing.assert_allclose(closed, pose, atol=1e-15)
 
 
 @given(SEGMENT_LENGTHS, SEEDS)

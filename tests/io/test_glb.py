@@ -20,7 +20,7 @@ from tests.dialects import skeletons
 from tests.hierarchies import human, under_world_root
 from tests.io.gltf_scenes import Glb, assert_equal_up_to_rotation
 from tests.oracles import bone_mesh as oracle
-from tests.strategies import HOSTILE_NAMES, transform_motion
+from tests.strategies import HOSTILE_NAMES, transform_motion, turn_motion
 
 
 @settings(max_examples=60)
@@ -50,7 +50,7 @@ def test_write_glb_joint_positions_equal_forward_kinematics(tmp_path_factory, mo
 def test_write_glb_figure_is_upright_for_any_up_axis(motion, tmp_path):
     for axes in ([0, 0, 0], [np.pi / 2, 0, 0], [0, 0, np.pi / 2], [np.pi, 0, 0]):
         tilt = rotations.exp(np.array(axes, float))
-        write_glb(transform_motion(motion, turn=tilt), tmp_path / "m.glb")
+        write_glb(turn_motion(motion, tilt), tmp_path / "m.glb")
         file = Glb(tmp_path / "m.glb")
         actual, joints = file.skin_vertices(file.document["animations"][0], 40)
         world = 0.01 * motion.world_positions()[40]

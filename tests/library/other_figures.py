@@ -7,7 +7,7 @@ import numpy as np
 from mograft.body.anatomy import anatomy
 from mograft.io.rest_pose import RestPose, rebase
 from mograft.motion import rotations
-from tests.strategies import transform_motion
+from tests.strategies import transform_motion, turn_motion
 
 
 def other_names(skeleton):
@@ -52,7 +52,7 @@ def with_other_rest_pose(motion, rng):
 def as_other_figure(motion, seed=0):
     """The motion in metres with z up, with other names and another rest pose."""
     turn = rotations.shortest_arc(np.eye(3)[1], np.eye(3)[2])
-    turned = transform_motion(motion, 0.01, turn=turn)
+    turned = turn_motion(transform_motion(motion, 0.01), turn)
     posed = with_other_rest_pose(turned, np.random.default_rng(seed))
     skeleton = replace(posed.skeleton, names=tuple(other_names(posed.skeleton)))
     return replace(posed, skeleton=skeleton, name=motion.name)

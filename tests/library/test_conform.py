@@ -15,7 +15,13 @@ from mograft.library.spec import conform
 from mograft.motion import rotations
 from tests.hierarchies import with_joint_above_root
 from tests.library.other_figures import other_names, with_other_rest_pose
-from tests.strategies import SEEDS, assert_same_rotations, few_examples, transform_motion
+from tests.strategies import (
+    SEEDS,
+    assert_same_rotations,
+    few_examples,
+    transform_motion,
+    turn_motion,
+)
 
 DANCE = dance(strides=1).motion[::20]
 SCALES = [1.0, 0.01, 1 / 2.54]  # to centimetres, metres and inches
@@ -26,7 +32,7 @@ SCALES = [1.0, 0.01, 1 / 2.54]  # to centimetres, metres and inches
 def test_conform_undoes_names_units_axes_and_rest_pose(seed, scale, up):
     rng = np.random.default_rng(seed)
     turn = rotations.shortest_arc(np.eye(3)[1], np.eye(3)[up])
-    posed = with_other_rest_pose(transform_motion(DANCE, scale, turn=turn), rng)
+    posed = with_other_rest_pose(turn_motion(transform_motion(DANCE, scale), turn), rng)
     skeleton = posed.skeleton
     posed = replace(posed, skeleton=replace(skeleton, names=tuple(other_names(skeleton))))
     assert not {*posed.skeleton.names} & {*DANCE.skeleton.names}

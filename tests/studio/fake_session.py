@@ -1,6 +1,5 @@
 """A session without motions, for tests of the server: it records calls and can fail."""
 
-import queue
 import threading
 
 
@@ -13,7 +12,7 @@ class FakeSession:
         self.error = None
         self.gate = threading.Event()
         self.gate.set()
-        self._queues = []
+        self._listeners = []
 
     def __getattr__(self, name):
         def call(*arguments):
@@ -27,13 +26,12 @@ class FakeSession:
             return call
         raise AttributeError(name)
 
-    def subscribe(self):
-        self._queues.append(queue.SimpleQueue())
-        return self._queues[-1]
+    def subscribe(self, listener):
+        self._listeners.append(listener)
 
     def tell(self, event):
-        for own in self._queues:
-            own.put(event)
+        for listener in self._listeners:
+            listener(event)
 
     def do(self, action, revision):
         self.calls.append(("do", action, revision))

@@ -16,6 +16,7 @@ from mograft.errors import FormatError, MograftError
 from mograft.library.origin import hash_poses
 from mograft.studio.project import read_project
 from mograft.studio.session import Session, StaleRevision
+from tests.exit_codes import exit_code
 
 SPHERE = {"kind": "Sphere", "center": [10.0, 110.0, 20.0], "radius": 15.0}
 AVOID = {"kind": "Avoid", "obstacle": SPHERE, "frames": [20, 90]}
@@ -433,14 +434,14 @@ def test_project_is_open_in_one_session_only(session, make_session):
 
 def test_change_of_the_file_by_another_program_is_not_overwritten(session):
     session.flush()
-    path, events = session.file.path, session.subscribe()
+    path, events = session.file.path, []
+    session.subscribe(events.append)
     path.write_text("mine")
     do(session, "mark", id="m1", mark="star")
     session.flush()
     assert path.read_text() == "mine"
     assert session.file.path.read_text().startswith('{"format": "mograft.project/1"')
-    received = [events.get() for _ in range(events.qsize())]
-    assert any("another program" in own.get("text", "") for own in received)
+    assert any("another program" in own.get("text", "") for own in events)
 
 
 def test_change_by_another_program_before_the_end_is_not_overwritten(session):
@@ -710,11 +711,7 @@ def test_command_names_what_is_wrong_with_a_project(tmp_path, capsys, words, cod
     places = {name: tmp_path / f"{name}.json" for name in ("missing", "bad")}
     places["bad"].write_text('{"format": "mograft.project/1"}')
     given = words.format(**places, out=tmp_path / "out").split()
-    try:
-        found = main(["graft", *given])
-    except SystemExit as error:  # a mistake in the command line
-        found = error.code
-    assert found == code
+    assert exit_code(["graft", *given]) == code
     assert message in capsys.readouterr().err
     assert sorted(own.name for own in tmp_path.iterdir()) == ["bad.json"]
 

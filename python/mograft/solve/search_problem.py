@@ -399,16 +399,21 @@ class SearchProblem:
 
     def _origin_violations(self, group: str) -> list[ConstraintViolations]:
         """Return for each position how far candidates violate constraints on clips and lengths."""
-        lists, segments = self.candidates[group], self.library.segments
+        lists = self.candidates[group]
         counts = [len(own) for own in lists]
         positions, donors = np.repeat(np.arange(len(lists)), counts), np.concatenate(lists)
-        amounts = origin_violations(
-            self.constraints,
-            group,
-            segments[self.scenario[positions]],
-            segments[donors],
-            self.base_segments[positions],
-            self.library.entries,
-        )
+        amounts = self.origin_amounts(self.constraints, group, positions, donors)
         found = ConstraintViolations.from_amounts(self.constraints, amounts, len(donors))
         return found.split(counts)
+
+    def origin_amounts(
+        self,
+        constraints: Sequence[Constraint],
+        group: str,
+        positions: IntArray | slice,
+        donors: IntArray,
+    ) -> list[FloatArray]:
+        """Return the `origin_violations` of donors of a group, one at each of `positions`."""
+        segments = self.library.segments
+        base = segments[self.scenario[positions]], segments[donors], self.base_segments[positions]
+        return origin_violations(constraints, group, *base, self.library.entries)

@@ -13,12 +13,11 @@ from mograft.body.capsules import Poses
 from mograft.config import Config
 from mograft.library.library import Library
 from mograft.library.spec import rates_match
-from mograft.motion.motion import Motion
+from mograft.motion import limits
+from mograft.motion.motion import Motion, replace_unchecked
 from mograft.motion.skeleton import Skeleton
 
 _MARGIN = 2  # frames kept on both sides of a segment; the velocities at its ends need them
-
-Tracks = dict[str, npt.NDArray[Any]]  # the arrays of a motion with one row per frame, by field
 
 
 class BaseBuffer:
@@ -29,15 +28,13 @@ class BaseBuffer:
     """
 
     def __init__(self, frames: Motion, up: int) -> None:
-        self._first_frame = frames[:1]
-        self.skeleton = frames.skeleton
-        self.body = replace(Poses.from_motion(self._first_frame), up=up)
-        self._tracks = _tracks(frames)
+        self._motion, self.skeleton = frames, frames.skeleton
+        self.body = replace(Poses.from_motion(frames[:1]), up=up)
         self._n_discarded = self._n_energies = 0
 
     def __len__(self) -> int:
         """Return the number of frames in the buffer."""
-        return len(self._tracks["rotations"])
+        return self._motion.n_frames
 
     @property
     def n_frames(self) -> int:
@@ -46,19 +43,17 @@ class BaseBuffer:
 
     def push(self, frames: Motion) -> None:
         """Append frames."""
-        self._tracks = _join_tracks([self._tracks, _tracks(frames)])
+        self._motion = join_motions([self._motion, frames], self._motion.name)
 
     def discard_before(self, frame: int) -> None:
         """Discard the frames before the margin of `frame` that `next_energies` does not need."""
         n_unneeded = max(min(frame - _MARGIN, self._n_energies - 1) - self._n_discarded, 0)
-        self._tracks = {name: track[n_unneeded:] for name, track in self._tracks.items()}
+        self._motion = self._motion[n_unneeded:]
         self._n_discarded += n_unneeded
 
     def motion(self, start: int, stop: int) -> Motion:
         """Return the frames `start` to `stop` - 1."""
-        rows = slice(start - self._n_discarded, stop - self._n_discarded)
-        tracks = {name: track[rows] for name, track in self._tracks.items()}
-        return _with_tracks(self._first_frame, tracks)
+        return self._motion[start - self._n_discarded : stop - self._n_discarded]
 
     def motion_with_margin(self, start: int, stop: int) -> tuple[Motion, int]:
         """Return frames `start` to `stop`, both included, and two more on both sides.
@@ -85,8 +80,12 @@ class BaseBuffer:
 
 def join_motions(motions: Sequence[Motion], name: str) -> Motion:
     """Join motions of one skeleton in time; channel values are kept if all motions have them."""
-    joined = _with_tracks(motions[0], _join_tracks([_tracks(motion) for motion in motions]))
-    return replace(joined, name=name)
+    limits.check_frames(sum(motion.n_frames for motion in motions))
+    tracks = dict[str, npt.NDArray[Any] | None]()
+    for field in ("rotations", "positions", "channel_values", "computed_values"):
+        parts = [getattr(motion, field) for motion in motions]
+        tracks[field] = None if any(own is None for own in parts) else np.concatenate(parts)
+    return replace_unchecked(motions[0], name=name, **tracks)
 
 
 def motion_from_arrays(
@@ -137,18 +136,3 @@ def check_frames(frames: Motion, library: Library, skeleton: Skeleton | None) ->
     if not rates_match(frames.rate, library.rate):
         expected = f"the library's rate of {library.rate:.6g} frames/s"
         raise ValueError(f"`frames` must have {expected}, got {frames.rate:.6g}")
-
-
-def _tracks(frames: Motion) -> Tracks:
-    names = ("rotations", "positions", "channel_values", "computed_values")
-    return {name: track for name in names if (track := getattr(frames, name)) is not None}
-
-
-def _join_tracks(parts: Sequence[Tracks]) -> Tracks:
-    names = [name for name in parts[0] if all(name in part for part in parts)]
-    return {name: np.concatenate([part[name] for part in parts]) for name in names}
-
-
-def _with_tracks(motion: Motion, tracks: Tracks) -> Motion:
-    changes: dict[str, Any] = {"channel_values": None, "computed_values": None, **tracks}
-    return replace(motion, **changes)

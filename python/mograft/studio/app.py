@@ -29,6 +29,14 @@ _VIEWING = files("mograft.viewing")
 _ASSETS = {"studio": [files("mograft.studio") / "page"], "viewer": [_VIEWING / "script", _VIEWING]}
 _TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
 
+_REFUSALS: tuple[tuple[type[Exception] | tuple[type[Exception], ...], int, str], ...] = (
+    (StaleRevision, 409, "stale"),
+    (FileExistsError, 409, "exists"),
+    (OSError, 400, "file"),
+    ((ValueError, TypeError, LookupError, MograftError), 400, "invalid"),
+)
+"""The status and kind of the reply to an error: those of the first line that fits."""
+
 _Handler = Callable[[Request], Awaitable[Response]]
 
 
@@ -222,13 +230,8 @@ def _as_refusal(error: Exception) -> Refusal:
         return error
     if isinstance(error, HTTPException):
         return Refusal(error.status_code, "path", error.detail)
-    if isinstance(error, StaleRevision):
-        return Refusal(409, "stale", str(error))
-    if isinstance(error, FileExistsError):
-        return Refusal(409, "exists", str(error))
-    if isinstance(error, OSError):
-        return Refusal(400, "file", str(error))
-    if isinstance(error, ValueError | TypeError | LookupError | MograftError):
-        return Refusal(400, "invalid", str(error))
+    for kinds, status, kind in _REFUSALS:
+        if isinstance(error, kinds):
+            return Refusal(status, kind, str(error))
     traceback.print_exception(error, file=sys.stderr)
     return Refusal(500, "internal", f"{type(error).__name__}: {error}")

@@ -4,7 +4,6 @@ Actions and views use it; `mograft.studio.session.Session` is the whole.
 """
 
 import os
-import queue
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,7 +21,6 @@ from mograft.studio.workshop import Workshop
 from mograft.synthesis.graft_result import Graft
 
 Json = dict[str, Any]
-_MAX_EVENTS = 1000
 
 
 class Desk:
@@ -41,23 +39,20 @@ class Desk:
         self.action_lock = threading.RLock()  # one action at a time
         self.n_requested = self.ticket = 0  # the number of the last action, and of the present
         self._events_lock = threading.Lock()
-        self._listeners: list[queue.Queue[Json]] = []
+        self._listeners: list[Callable[[Json], object]] = []
 
     # Events
 
-    def subscribe(self) -> queue.Queue[Json]:
-        """Return a queue of the events from now on; of one that is not read, the last are lost."""
-        own: queue.Queue[Json] = queue.Queue(_MAX_EVENTS)
+    def subscribe(self, listener: Callable[[Json], object]) -> None:
+        """Call a function with each event from now on, in the threads that report events."""
         with self._events_lock:
-            self._listeners.append(own)
-        return own
+            self._listeners.append(listener)
 
     def emit(self, event: Json) -> None:
         """Send an event to all subscriptions."""
         with self._events_lock:
-            for own in self._listeners:
-                if not own.full():
-                    own.put(event)
+            for listener in self._listeners:
+                listener(event)
 
     def note(self, text: str) -> None:
         """Send a text for the person."""

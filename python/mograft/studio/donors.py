@@ -11,11 +11,11 @@ from mograft.provenance.graft_change import plan_of, unchanged
 from mograft.search.candidates import Candidate, list_candidates
 from mograft.search.constraints import Span, as_span
 from mograft.search.donor_choice import cost_model
-from mograft.solve.donor_spans import ChangedPart, find_donor_spans
+from mograft.solve.donor_spans import ChangedPart, DonorSpan, find_donor_spans
 from mograft.studio.actions.editing import base_segments
 from mograft.studio.actions.fields import Fields
 from mograft.studio.desk import Desk
-from mograft.synthesis.graft_result import Graft, Substitution
+from mograft.synthesis.graft_result import Graft
 
 Json = dict[str, Any]
 _LIMIT = 40
@@ -57,24 +57,30 @@ def _of_segment(graft: Graft, library: Library, group: str, position: int, limit
     used = [each for each in ranked if each.segment == own[position].donor]
     shown = [*used, *(each for each in ranked[:limit] if each not in used)]
     length = own[position].stop - own[position].start
-    return {
-        "donors": [_candidate(library, each, own[position], length) for each in shown],
-        "total": len(ranked),
-    }
+    rows = [
+        _row(library, each, length)
+        | {
+            "seamBefore": round(float(np.degrees(each.gap_before)), 2),
+            "seamAfter": round(float(np.degrees(each.gap_after)), 2),
+            "refused": each.refused,
+            "isUsed": each.segment == own[position].donor,
+            "isCaptured": each.segment == own[position].segment,
+        }
+        for each in shown
+    ]
+    return {"donors": rows, "total": len(ranked)}
 
 
-def _candidate(library: Library, own: Candidate, present: Substitution, length: int) -> Json:
+def _row(library: Library, own: Candidate | DonorSpan, length: int) -> Json:
+    """Return a donor of `length` frame intervals; without its seams, and allowed, by default."""
     return {
         "clip": library.names[own.clip],
         "first": own.start,
         "last": own.stop,
         "cost": round(own.cost, 4),
-        "seamBefore": round(float(np.degrees(own.gap_before)), 2),
-        "seamAfter": round(float(np.degrees(own.gap_after)), 2),
+        **{"seamBefore": None, "seamAfter": None},
         "stretch": round(length / (own.stop - own.start) - 1.0, 4),
-        "refused": own.refused,
-        "isUsed": own.segment == present.donor,
-        "isCaptured": own.segment == present.segment,
+        **{"refused": "", "isUsed": False, "isCaptured": False},
     }
 
 
@@ -88,27 +94,15 @@ def _of_range(graft: Graft, group: str, frames: Span, limit: int) -> Json:
     problem = plan_of(unchanged(graft), graft.request.constraints).problem
     part = ChangedPart.find(problem, group)
     spans = list(islice(find_donor_spans(problem, graft.motion, part, frames), _MAX_LIMIT))
-    names, length = graft.library.names, last - first
+    library, names = graft.library, graft.library.names
     used = {
         (own.clip, own.clip_frames)
         for own in graft.changes
         if own.frames == (first, last) and group in (own.part, own.group)
     }
-    return {
-        "donors": [
-            {
-                "clip": names[own.clip],
-                "first": own.start,
-                "last": own.stop,
-                "cost": round(own.cost, 4),
-                "seamBefore": None,
-                "seamAfter": None,
-                "stretch": round(length / (own.stop - own.start) - 1.0, 4),
-                "refused": "",
-                "isUsed": (names[own.clip], (own.start, own.stop)) in used,
-                "isCaptured": False,
-            }
-            for own in spans[:limit]
-        ],
-        "total": len(spans),
-    }
+    rows = [
+        _row(library, own, last - first)
+        | {"isUsed": (names[own.clip], (own.start, own.stop)) in used}
+        for own in spans[:limit]
+    ]
+    return {"donors": rows, "total": len(spans)}

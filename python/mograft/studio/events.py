@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import threading
 from collections.abc import AsyncIterator, Mapping
 from contextlib import suppress
 from typing import Any
@@ -16,7 +15,7 @@ _MAX_WAITING = 64
 
 
 class Events:
-    """The listeners of a session's events; a thread takes the events from the session."""
+    """The listeners of a session's events."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -24,14 +23,13 @@ class Events:
 
     def start(self) -> None:
         """Begin to pass on events, in the running event loop."""
-        loop, events = asyncio.get_running_loop(), self._session.subscribe()
+        loop = asyncio.get_running_loop()
 
-        def pass_on() -> None:
+        def pass_on(event: Mapping[str, Any]) -> None:
             with suppress(RuntimeError):  # the loop has ended
-                while True:
-                    loop.call_soon_threadsafe(self._publish, events.get())
+                loop.call_soon_threadsafe(self._publish, event)
 
-        threading.Thread(target=pass_on, daemon=True, name="studio events").start()
+        self._session.subscribe(pass_on)
 
     def _publish(self, event: Mapping[str, Any]) -> None:
         for queue in self._listeners:

@@ -2,11 +2,12 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from types import UnionType
+from typing import Any, NamedTuple, get_args, get_origin
 
 from mograft._util.documents import parse_document
 from mograft.body.groups import PRESETS, JointGroups
@@ -20,7 +21,6 @@ MAX_STEPS = 200
 """Greatest number of steps that can be undone."""
 
 Record = dict[str, Any]
-R = TypeVar("R")
 
 
 class Lock(NamedTuple):
@@ -29,6 +29,11 @@ class Lock(NamedTuple):
     group: str
     first: int
     last: int
+
+    @property
+    def frames(self) -> tuple[int, int]:
+        """The first and the last frame."""
+        return self.first, self.last
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,12 +145,9 @@ def project_text(project: Project, history: History, texts: Mapping[str, str], f
     projects = [project, *history.projects]
     used = dict.fromkeys(own.record for each in projects for own in each.motions)
     records = ",\n".join(f'"{key}": {texts[key]}' for key in used)
-    steps = {
-        name: [[text, own.text] for text, own in steps] for name, steps in vars(history).items()
-    }
     listed = {
-        name: "[" + ",\n".join(f"[{json.dumps(text)}, {own}]" for text, own in pairs) + "]"
-        for name, pairs in steps.items()
+        name: "[" + ",\n".join(f"[{json.dumps(text)}, {own.text}]" for text, own in steps) + "]"
+        for name, steps in vars(history).items()
     }
     head = f'{{"format": "{FORMAT}",\n"folder": {json.dumps(str(folder))},\n'
     return (
@@ -167,11 +169,12 @@ def read_project(path: Path) -> tuple[Project, History, dict[str, Record]]:
     return _Reader(path).read(document)
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Reader:
     """Reads the document of a project; errors name the file and the key."""
 
     path: Path
+    records: dict[str, Record] = field(default_factory=dict)
 
     def fail(self, place: str, message: str) -> FormatError:
         return FormatError(message, self.path, place)
@@ -180,24 +183,22 @@ class _Reader:
         found = document.get("format") if isinstance(document, dict) else None
         if found != FORMAT:
             raise self.fail("format", f"expected {FORMAT}, got {found!r}")
-        records = self.get(document, "records", dict, "records")
-        for key, record in records.items():
+        self.records = self.get(document, "records", dict)
+        for key, record in self.records.items():
             schema = record.get("schema") if isinstance(record, dict) else None
             if schema != SCHEMA:
                 raise self.fail(f"records.{key}", f"`schema` must be {SCHEMA}, got {schema!r}")
         # The folder of the project has been moved: paths of its files move with it.
-        old, new = Path(self.get(document, "folder", str, "folder")), self.path.parent.resolve()
-        project = self.project(self.get(document, "project", dict, "project"), records, "project")
-        steps = {
-            name: self.steps(self.get(document, name, list, name), records, name)
-            for name in ("past", "future")
-        }
+        old, new = Path(self.get(document, "folder", str)), self.path.parent.resolve()
+        project = self.get(document, "project", Project)
+        past, future = (self.get(document, name, list) for name in ("past", "future"))
+        history = History(self.steps(past[-MAX_STEPS:], "past"), self.steps(future, "future"))
         if old != new:
-            return self.moved(project, History(**steps), records, old, new)
-        return project, History(**steps), records
+            return self.moved(project, history, old, new)
+        return project, history, self.records
 
     def moved(
-        self, project: Project, history: History, records: dict[str, Record], old: Path, new: Path
+        self, project: Project, history: History, old: Path, new: Path
     ) -> tuple[Project, History, dict[str, Record]]:
         """Return a project that was saved in the folder `old` as one in the folder `new`.
 
@@ -215,7 +216,7 @@ class _Reader:
             return replace(own, inputs=inputs, character=character)
 
         moved: dict[str, Record] = {}
-        for key, record in records.items():
+        for key, record in self.records.items():
             files = [own for own in record.get("clips", ()) if isinstance(own, dict)]
             is_below = all((new / str(own.get("file"))).exists() for own in files)
             moved[key] = record if is_below else move_record(record, old, new)
@@ -225,78 +226,54 @@ class _Reader:
         }
         return move_project(project), History(**steps), moved
 
-    def get(self, document: Any, key: str, kind: type[R], place: str) -> R:  # noqa: ANN401
-        if not isinstance(document, dict) or key not in document:
-            raise self.fail(place, "is missing")
-        value = document[key]
-        if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
-            raise self.fail(place, f"expected {kind.__name__}, got {type(value).__name__}")
+    def get(self, document: Any, key: str, kind: Any, above: str = "") -> Any:  # noqa: ANN401
+        """Return the value of a key, as an object of the type of a field."""
+        if not isinstance(document, dict) or not (key in document or isinstance(kind, UnionType)):
+            raise self.fail(f"{above}{key}", "is missing")
+        return self.decode(document.get(key), kind, f"{above}{key}")
+
+    def decode(self, value: Any, kind: Any, place: str) -> Any:  # noqa: ANN401
+        """Return a value of JSON as an object of a class of projects, or of a simple type."""
+        if get_origin(kind) is tuple:
+            items = enumerate(self.decode(value, list, place))
+            return tuple(self.decode(own, get_args(kind)[0], f"{place}[{n}]") for n, own in items)
+        if kind is Lock:
+            kinds = [type(own) for own in value] if isinstance(value, list) else []
+            if kinds != [str, int, int] or not 0 <= value[1] <= value[2]:
+                raise self.fail(place, f"expected group, first and last frame, got {value!r}")
+            return Lock(*value)
+        if kind in (ProjectInput, ProjectMotion, Project):
+            names = {own.name: own.type for own in fields(kind)}
+            given = {name: self.get(value, name, own, f"{place}.") for name, own in names.items()}
+            return self.checked(kind(**given), place)
+        accepted = {float: int | float, Mapping[str, Any]: dict}.get(kind, kind)
+        if not isinstance(value, accepted) or (isinstance(value, bool) and kind is not bool):
+            name = getattr(accepted, "__name__", str(accepted))
+            raise self.fail(place, f"expected {name}, got {type(value).__name__}")
         return value
 
-    def steps(
-        self, steps: list[Any], records: Mapping[str, Record], place: str
-    ) -> tuple[tuple[str, Project], ...]:
+    def checked(self, own: Any, place: str) -> Any:  # noqa: ANN401
+        """Return an object; raise FormatError if its fields contradict each other or the file."""
+        if isinstance(own, ProjectMotion):
+            if own.record not in self.records:
+                raise self.fail(f"{place}.record", f"{own.record!r} is not in `records`")
+            if own.mark not in MARKS:
+                raise self.fail(f"{place}.mark", f"expected null, star or reject, got {own.mark!r}")
+        elif isinstance(own, Project):
+            if len({each.id for each in own.motions}) < len(own.motions):
+                raise self.fail(f"{place}.motions", "expected a different `id` of each motion")
+            for name, computed in (("config", "full_config"), ("groups", "joint_groups")):
+                try:
+                    getattr(own, computed)
+                except DAMAGE as error:
+                    raise self.fail(f"{place}.{name}", str(error)) from None
+        return own
+
+    def steps(self, steps: list[Any], name: str) -> tuple[tuple[str, Project], ...]:
         found = []
-        for number, step in enumerate(steps[-MAX_STEPS:] if place == "past" else steps):
-            at = f"{place}[{number}]"
+        for number, step in enumerate(steps):
+            at = f"{name}[{number}]"
             if not isinstance(step, list) or len(step) != 2 or not isinstance(step[0], str):
                 raise self.fail(at, "expected the text of a step and a project")
-            found.append((step[0], self.project(step[1], records, at)))
+            found.append((step[0], self.decode(step[1], Project, at)))
         return tuple(found)
-
-    def project(self, own: Any, records: Mapping[str, Record], at: str) -> Project:  # noqa: ANN401
-        def optional(item: Any, key: str, place: str) -> str | None:  # noqa: ANN401
-            return None if item.get(key) is None else self.get(item, key, str, f"{place}.{key}")
-
-        inputs, motions = [], []
-        for number, item in enumerate(self.get(own, "inputs", list, f"{at}.inputs")):
-            place = f"{at}.inputs[{number}]"
-            path = self.get(item, "path", str, f"{place}.path")
-            inputs.append(ProjectInput(path=path, sha256=optional(item, "sha256", place)))
-        for number, item in enumerate(self.get(own, "motions", list, f"{at}.motions")):
-            motions.append(self.motion(item, records, f"{at}.motions[{number}]"))
-        if len({each.id for each in motions}) < len(motions):
-            raise self.fail(f"{at}.motions", "expected a different `id` of each motion")
-        distinct = own.get("distinct")
-        if isinstance(distinct, bool) or not isinstance(distinct, int | float):
-            raise self.fail(f"{at}.distinct", f"expected a number, got {distinct!r}")
-        project = Project(
-            inputs=tuple(inputs),
-            groups=self.get(own, "groups", str, f"{at}.groups"),
-            config=self.get(own, "config", dict, f"{at}.config"),
-            distinct=distinct,
-            character=optional(own, "character", at),
-            motions=tuple(motions),
-            n_made=self.get(own, "n_made", int, f"{at}.n_made"),
-        )
-        self.check(f"{at}.config", lambda: project.full_config)
-        self.check(f"{at}.groups", lambda: project.joint_groups)
-        return project
-
-    def check(self, place: str, compute: Callable[[], object]) -> None:
-        try:
-            compute()
-        except DAMAGE as error:
-            raise self.fail(place, str(error)) from None
-
-    def motion(self, own: Any, records: Mapping[str, Record], at: str) -> ProjectMotion:  # noqa: ANN401
-        record = self.get(own, "record", str, f"{at}.record")
-        if record not in records:
-            raise self.fail(f"{at}.record", f"{record!r} is not in `records`")
-        mark = own.get("mark")
-        if mark not in MARKS:
-            raise self.fail(f"{at}.mark", f"expected null, star or reject, got {mark!r}")
-        locks = []
-        for number, lock in enumerate(self.get(own, "locks", list, f"{at}.locks")):
-            kinds = [type(value) for value in lock] if isinstance(lock, list) else []
-            if kinds != [str, int, int] or not 0 <= lock[1] <= lock[2]:
-                place = f"{at}.locks[{number}]"
-                raise self.fail(place, f"expected group, first and last frame, got {lock!r}")
-            locks.append(Lock(*lock))
-        return ProjectMotion(
-            id=self.get(own, "id", str, f"{at}.id"),
-            record=record,
-            mark=mark,
-            is_kept=self.get(own, "is_kept", bool, f"{at}.is_kept"),
-            locks=tuple(locks),
-        )

@@ -1,7 +1,7 @@
 """The inputs of a project: what was found in them, and the library of their clips."""
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -43,9 +43,14 @@ class Opened:
 
 def library_key(project: Project) -> tuple[Any, ...]:
     """Return what determines the library of a project."""
+    options = tuple(_build_options(project).items())
+    return (tuple(own.path for own in project.inputs), project.groups, options)
+
+
+def _build_options(project: Project) -> dict[str, Any]:
+    """Return the fields of the configuration on which the library of a project depends."""
     config = project.full_config
-    fields = {name: getattr(config, name) for name in Config.fields_of(*BUILD_STAGES)}
-    return (tuple(own.path for own in project.inputs), project.groups, tuple(fields.items()))
+    return {name: getattr(config, name) for name in Config.fields_of(*BUILD_STAGES)}
 
 
 def is_library(path: str | Path) -> bool:
@@ -67,7 +72,7 @@ def build(project: Project, progress: Progress) -> Opened:
         try:
             library = _read(project, paths, progress)
         except (MograftError, OSError, *DAMAGE) as error:
-            lost = tuple(_source(own.path, [], broken, {}) for own in project.inputs)
+            lost = tuple(_source(own, [], broken, {}) for own in project.inputs)
             message = str(error) if paths else "no motion could be read"
             return replace(opened, status="failed", message=message, sources=lost)
     files = [own.source_file for own in library.entries]
@@ -76,7 +81,7 @@ def build(project: Project, progress: Progress) -> Opened:
     for own in project.inputs:
         if is_library(own.path):
             hashes[own.path] = hash_library(library)
-            sources.append(_source(own.path, library.names, broken, {}))
+            sources.append(_source(own, library.names, broken, {}, hashes[own.path]))
             continue
         inside = [file for file in files if file is not None and _is_inside(file.path, own.path)]
         texts = sorted({f"{file.sha256} {Path(file.path).name}" for file in inside})
@@ -84,16 +89,14 @@ def build(project: Project, progress: Progress) -> Opened:
             hashes[own.path] = inside[0].sha256
         elif texts:
             hashes[own.path] = hashlib.sha256("\n".join(texts).encode()).hexdigest()
-        names = [file.address for file in inside]
-        sources.append(_source(own.path, names, broken, library.refused))
+        names, found = [file.address for file in inside], hashes.get(own.path)
+        sources.append(_source(own, names, broken, library.refused, found))
     return replace(
         opened,
         library=library,
         status="ready",
         message="\n".join(caught),
-        sources=tuple(
-            _with_change(*own, hashes) for own in zip(sources, project.inputs, strict=True)
-        ),
+        sources=tuple(sources),
         clips=tuple(
             {"name": own.name, "frames": own.n_frames, "rate": round(library.rate, 6), "faults": []}
             for own in library.entries
@@ -125,11 +128,8 @@ def _read(project: Project, paths: Sequence[str], progress: Progress) -> Library
             clips = library.clips
             clips.cache.limit = max(clips.cache.limit, _MAX_BYTES_OF_CLIPS // size)
         return library
-    config = project.full_config
-    built = {name: getattr(config, name) for name in Config.fields_of(*BUILD_STAGES)}
-    return Library.build(
-        paths, project.joint_groups, Config(**built), strict=False, progress=progress
-    )
+    config = Config(**_build_options(project))
+    return Library.build(paths, project.joint_groups, config, strict=False, progress=progress)
 
 
 def _is_inside(file: str, source: str) -> bool:
@@ -138,11 +138,14 @@ def _is_inside(file: str, source: str) -> bool:
 
 
 def _source(
-    path: str,
+    given: ProjectInput,
     clips: Sequence[str],
     broken: dict[str, str],
-    refused: Any,  # noqa: ANN401 - mapping
+    refused: Mapping[str, str],
+    sha256: str | None = None,
 ) -> dict[str, Any]:
+    """Return what the page shows of an input; `sha256` is that of its motions if it was read."""
+    path = given.path
     reasons = [
         why for address, why in refused.items() if _is_inside(split_address(address)[0], path)
     ]
@@ -151,18 +154,10 @@ def _source(
     status = "ok" if clips else "skipped" if is_other else "broken"
     more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
     message = f"{reasons[0][:_MAX_REASON]}{more}" if reasons else ""
+    if given.sha256 is not None and sha256 not in (None, given.sha256):
+        message = "; ".join(filter(None, [message, "has changed since the project was saved"]))
     name = path.removeprefix(f"{Path(split_address(path)[0]).parent}/")
     return {"path": path, "name": name, "clips": len(clips), "status": status, "message": message}
-
-
-def _with_change(
-    source: dict[str, Any], given: ProjectInput, hashes: dict[str, str]
-) -> dict[str, Any]:
-    found = hashes.get(given.path)
-    if given.sha256 is None or found in (None, given.sha256):
-        return source
-    text = "has changed since the project was saved"
-    return {**source, "message": "; ".join(filter(None, [source["message"], text]))}
 
 
 def with_faults(opened: Opened, *, should_stop: Callable[[], bool]) -> Opened:

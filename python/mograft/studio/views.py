@@ -12,13 +12,14 @@ from mograft.config import variety_of_scale
 from mograft.errors import DAMAGE, FormatError
 from mograft.library.library import Library
 from mograft.library.origin import hash_poses
+from mograft.motion.motion import Motion
 from mograft.provenance.document import violation_record
 from mograft.studio.desk import Desk
 from mograft.studio.notes import captured_warnings
 from mograft.studio.project import ProjectMotion, Record
-from mograft.synthesis.graft_result import Graft
 from mograft.viewing.character import read_character
 from mograft.viewing.encoding import encode_change, encode_figure, encode_window
+from mograft.viewing.figure import Figure
 from mograft.viewing.scene import clip_figure, graft_figure, motion_figure
 
 Json = dict[str, Any]
@@ -172,23 +173,24 @@ def figure(desk: Desk, kind: str, name: str, since: str | None) -> Json:
         shown = clip_figure(library, base.name) if is_clip else motion_figure(base, library)
         return _encoded(desk, shown, f"base-{key}")
     old = None if since is None else desk.workshop.find(since)
-    patch = None if old is None else _patch(desk, old, graft)
-    if patch is not None:
-        return {**patch, "hash": key}
-    return _encoded(desk, graft_figure(graft), key)
+    shown = graft_figure(graft)
+    if old is not None:
+        patch = encode_change(old.motion, shown, is_mesh=_is_worn(desk, shown.motion))
+        if patch is not None:
+            return {**patch, "hash": key}
+    return _encoded(desk, shown, key)
 
 
-def _encoded(desk: Desk, shown: Any, key: str) -> Json:  # noqa: ANN401 - a Figure
+def _encoded(desk: Desk, shown: Figure, key: str) -> Json:
+    is_mesh = _is_worn(desk, shown.motion)
+    encoded = encode_figure(shown, is_mesh=is_mesh)
+    return {**encoded, "hash": key, "character": 0 if is_mesh else None}
+
+
+def _is_worn(desk: Desk, motion: Motion) -> bool:
+    """Return whether a motion is shown with the mesh of the figures."""
     mesh = _find_character(desk)
-    is_worn = mesh is not None and mesh[0] == shown.motion.skeleton.names
-    encoded = encode_figure(shown, is_mesh=is_worn)
-    return {**encoded, "hash": key, "character": 0 if is_worn else None}
-
-
-def _patch(desk: Desk, old: Graft, new: Graft) -> Json | None:
-    mesh = _find_character(desk)
-    is_worn = mesh is not None and mesh[0] == new.motion.skeleton.names
-    return encode_change(old.motion, graft_figure(new), is_mesh=is_worn)
+    return mesh is not None and mesh[0] == motion.skeleton.names
 
 
 def character(desk: Desk) -> Json | None:

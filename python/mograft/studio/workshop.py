@@ -129,7 +129,7 @@ class Workshop:
             self.measures[new] = self.measures[key]
         graft = self._grafts.get(key)
         if graft is not None:
-            self.keep(new, _renamed(graft, name))
+            self.keep(new, renamed(graft, name))
         return new
 
     def graft(self, key: str) -> Graft:
@@ -231,8 +231,9 @@ class Workshop:
         return self._angles[first, second]
 
 
-def _renamed(graft: Graft, name: str) -> Graft:
-    original = None if graft.unchanged is None else _renamed(graft.unchanged, name)
+def renamed(graft: Graft, name: str) -> Graft:
+    """Return a graft whose motion has another name, also the motion before its changes."""
+    original = None if graft.unchanged is None else renamed(graft.unchanged, name)
     return replace(graft, motion=replace(graft.motion, name=name), unchanged=original)
 
 

@@ -124,7 +124,7 @@ def encode_change(old: Motion, figure: Figure, *, is_mesh: bool) -> dict[str, An
         precision, height = _MESH_PRECISION if is_mesh else 1.0, mass_model(new.skeleton).height
         units = (precision * _ROTATION_UNIT, precision * 1e-4 * height)
         part = np.arange(first, last + 1)
-        patch = {"first": first, "last": last, **_encode_frames(new, part, None, units, joints)}
+        patch = {"first": first, "last": last, **_encode_frames(new, part, units, turning=joints)}
     rows = [_encode_row(row, donors) for row in figure.rows]
     return {"patch": patch, "rows": rows, "donors": list(donors), "energy": _energy_curve(new)}
 
@@ -137,9 +137,17 @@ def _turning_joints(turns: FloatArray) -> IntArray:
 
 def encode_window(motion: Motion, first: int, last: int) -> dict[str, Any]:
     """Return the rotations of all joints in a part of a clip, without the path of the root."""
+    mask = np.zeros(motion.n_frames, bool)
+    mask[first : last + 1] = True
+    return _encode_spans(motion, mask)
+
+
+def _encode_spans(motion: Motion, mask: BoolArray) -> dict[str, Any]:
+    """Return the rotations of all joints in some frames, (n_frames,), without the root's path."""
+    start, stop = find_runs(mask).T
     joints: IntArray = np.arange(1, motion.n_joints)
-    packed = _encode_frames(motion, np.arange(first, last + 1), joints, (_ROTATION_UNIT, 1e-3))
-    return {**packed, "step": 1, "start": [first], "stop": [last]}
+    packed = _encode_frames(motion, np.flatnonzero(mask), (_ROTATION_UNIT, 1e-3), joints)
+    return {**packed, "step": 1, "start": start.tolist(), "stop": (stop - 1).tolist()}
 
 
 def _encode_figure(
@@ -167,15 +175,13 @@ def _encode_motion(
 
     `precision` is that of rotations and positions, relative to that of capsules.
     """
-    skeleton = motion.skeleton
-    joints: IntArray = np.arange(skeleton.n_joints)
+    skeleton, units = motion.skeleton, (_ROTATION_UNIT, 1e-4 * drawn.height)
     return {
         **{"frames": motion.n_frames, "dt": motion.frame_time},
         **_encode_frames(
             motion,
             np.arange(0, motion.n_frames, step),
-            joints,
-            (precision * _ROTATION_UNIT, precision * 1e-4 * drawn.height),
+            (precision * units[0], precision * units[1]),
         ),
         **{"step": step, "parents": skeleton.parents.tolist(), "root": drawn.root},
         "offsets": _numbers(skeleton.offsets.ravel()),
@@ -192,8 +198,8 @@ def _encode_motion(
 def _encode_frames(
     motion: Motion,
     frames: IntArray,
-    joints: IntArray | None,
     units: tuple[float, float],
+    joints: IntArray | None = None,
     turning: IntArray | None = None,
 ) -> dict[str, Any]:
     """Return the rotations of some joints in some frames, and the positions that vary.
@@ -240,15 +246,7 @@ def _encode_windows(figures: Sequence[Figure], scene: Scene, max_rotations: int)
         if max_rotations < 0:
             break
         mask[first : last + 1] = True
-    windows = {}
-    for name, (motion, mask) in found.items():
-        if not mask.any():
-            continue
-        start, stop = find_runs(mask).T
-        joints: IntArray = np.arange(1, motion.n_joints)
-        packed = _encode_frames(motion, np.flatnonzero(mask), joints, (_ROTATION_UNIT, 1e-3))
-        windows[name] = {**packed, "step": 1, "start": start.tolist(), "stop": (stop - 1).tolist()}
-    return windows
+    return {name: _encode_spans(*own) for name, own in found.items() if own[1].any()}
 
 
 def _with_numbers(listed: Mapping[str, list[Any]], donors: dict[str, int]) -> dict[str, Any]:

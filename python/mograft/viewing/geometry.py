@@ -65,21 +65,20 @@ class DrawnSkeleton:
         mass = mass_model(skeleton)
         to_y_up = _to_y_up(motion)
         parents = node_parents(motion)
+        ends = [(site.parent, site.offset) for site in skeleton.end_sites]
         top = _head_without_end(motion)
         if top is not None:
             parents.append(top)
+            ends.append((top, mass.bone[top]))
         positions = np.empty((-(-motion.n_frames // step), len(parents), 3))
         lowest = np.empty(motion.n_frames)
-        for frames, own in _node_blocks(motion, top):
+        for frames, own in _node_blocks(motion, parents, ends):
             turned = own @ to_y_up.T
             lowest[frames] = turned[:, :, 1].min(axis=1)
             first = -(-frames.start // step)
             stored = turned[first * step - frames.start :: step]
             positions[first : first + len(stored)] = stored
         root = motion.locomotion_root()
-        ends = [(site.parent, site.offset) for site in skeleton.end_sites]
-        if top is not None:
-            ends.append((top, mass.bone[top]))
         return cls(
             positions=positions,
             to_y_up=to_y_up,
@@ -104,28 +103,26 @@ def node_parents(motion: Motion) -> list[int]:
     return [-1 if parent in carriers else parent for parent in parents]
 
 
-def _node_blocks(motion: Motion, top: int | None) -> Iterator[tuple[slice, FloatArray]]:
+def _node_blocks(
+    motion: Motion, parents: list[int], ends: list[tuple[int, FloatArray]]
+) -> Iterator[tuple[slice, FloatArray]]:
     """Yield consecutive ranges of frames, each with the world positions of the nodes.
 
-    If `top` is given, the index of a head, the last node is the end of its bone in the mass model.
+    `parents` are those of all nodes. `ends` has the joint of each node that is no joint, and its
+    offset from it.
     """
-    is_drawn = _drawn_nodes(motion)
-    hips, mass = anatomy(motion.skeleton).hips, mass_model(motion.skeleton)
-    ends = [(site.parent, site.offset) for site in motion.skeleton.end_sites]
+    is_drawn, hips = _drawn_nodes(parents), anatomy(motion.skeleton).hips
     for frames, turns, joints in motion.world_blocks():
         sites = [joints[:, own] + rotations.rotate(turns[:, own], end) for own, end in ends]
         positions = np.concatenate([joints, *(site[:, None] for site in sites)], axis=1)
         positions[:, ~is_drawn] = joints[:, [hips]]
-        if top is not None:
-            end = joints[:, top] + rotations.rotate(turns[:, top], mass.bone[top])
-            positions = np.concatenate([positions, end[:, None]], axis=1)
         yield frames, positions
 
 
-def _drawn_nodes(motion: Motion) -> BoolArray:
-    """Return whether each joint and end site is an end of a bone."""
-    bones = [(node, parent) for node, parent in enumerate(node_parents(motion)) if parent >= 0]
-    is_drawn = np.zeros(len(node_parents(motion)), bool)
+def _drawn_nodes(parents: list[int]) -> BoolArray:
+    """Return whether each node is an end of a bone."""
+    bones = [(node, parent) for node, parent in enumerate(parents) if parent >= 0]
+    is_drawn = np.zeros(len(parents), bool)
     is_drawn[[end for bone in bones for end in bone]] = True
     return is_drawn
 
@@ -178,7 +175,7 @@ def _to_y_up(motion: Motion) -> FloatArray:
     """Return the rotation matrix that makes the y axis point up; it does not mirror."""
     axis = up_axis(motion)
     means = mean_world_positions(motion)[:, axis]
-    hidden = ~_drawn_nodes(motion)[: len(means)]
+    hidden = ~_drawn_nodes(node_parents(motion))[: len(means)]
     means = np.where(hidden, means[anatomy(motion.skeleton).hips], means)
     sign = up_sign(motion.skeleton, means)
     return np.array(_UPRIGHT[axis]) * np.array([[sign], [sign], [1.0]])

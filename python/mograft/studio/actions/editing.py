@@ -1,6 +1,6 @@
 """Actions that change one motion: its donors in ranges of frames, and its constraints."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -55,7 +55,7 @@ def is_locked(graft: Graft, group: str, locks: Sequence[Lock]) -> BoolArray:
     selected = np.zeros(len(cut), bool)
     for lock in locks:
         if lock.group == group:
-            selected |= overlaps(cut, (lock.first, lock.last))
+            selected |= overlaps(cut, lock.frames)
     return selected
 
 
@@ -106,11 +106,11 @@ def take(desk: Desk, fields: Fields) -> tuple[Project, str]:
     if group in graft.alternatives and is_segment:
         base = base_segments(graft, group)
         is_segment = ((base.start == frames[0]) & (base.stop == frames[1])).any()
+    reference = (clip, donor[0], donor[1])
     if group in graft.alternatives and is_segment:
-        reference = (clip, donor[0], donor[1])
         new = edit(graft, Use(frames=frames, donor=reference, group=group))
     else:
-        new = change(graft, group, frames, (clip, donor[0], donor[1]))
+        new = change(graft, group, frames, reference)
     text = f"{where(group, *frames)}: use {clip} {donor[0]}-{donor[1]}"
     return _revised(desk, own, new), text
 
@@ -170,17 +170,16 @@ def add_constraint(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Add a constraint; segments that violate it get other donors."""
     own, graft = _target(desk, fields)
     added = _decode(desk, fields)
-    new = _constrained(desk, own, graft, fields, lambda known: [*known, added])
+    new = _constrained(desk, own, graft, fields, [*graft.request.constraints, added])
     return _revised(desk, own, new), f"add {type(added).__name__}"
 
 
 def set_constraint(desk: Desk, fields: Fields) -> tuple[Project, str | None]:
     """Replace a constraint; a preview is shown, but is no step and is not saved."""
     own, graft = _target(desk, fields)
-    number, added = _number(fields, graft), _decode(desk, fields)
-    new = _constrained(
-        desk, own, graft, fields, lambda known: [*known[:number], added, *known[number + 1 :]]
-    )
+    constraints, added = list(graft.request.constraints), _decode(desk, fields)
+    constraints[_number(fields, graft)] = added
+    new = _constrained(desk, own, graft, fields, constraints)
     if fields.flag("preview"):
         desk.preview(own.id, new)
         return desk.project, None
@@ -190,27 +189,20 @@ def set_constraint(desk: Desk, fields: Fields) -> tuple[Project, str | None]:
 def drop_constraint(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Remove a constraint; the donors stay."""
     own, graft = _target(desk, fields)
-    number = _number(fields, graft)
-    dropped = graft.request.constraints[number]
-    new = _constrained(
-        desk, own, graft, fields, lambda known: [*known[:number], *known[number + 1 :]]
-    )
+    constraints = list(graft.request.constraints)
+    dropped = constraints.pop(_number(fields, graft))
+    new = _constrained(desk, own, graft, fields, constraints)
     return _revised(desk, own, new), f"remove {type(dropped).__name__}"
 
 
 def _constrained(
-    desk: Desk,
-    own: ProjectMotion,
-    graft: Graft,
-    fields: Fields,
-    alter: Callable[[list[Constraint]], list[Constraint]],
+    desk: Desk, own: ProjectMotion, graft: Graft, fields: Fields, constraints: list[Constraint]
 ) -> Graft:
-    locked = [(lock.group, (lock.first, lock.last)) for lock in own.locks]
-    new = alter(list(graft.request.constraints))
+    locked = [(lock.group, lock.frames) for lock in own.locks]
     if not fields.flag("preview"):
-        return constrain(graft, new, locked=locked)
+        return constrain(graft, constraints, locked=locked)
     with cancellable(desk.is_superseded):
-        return constrain(graft, new, locked=locked, is_quick=True)
+        return constrain(graft, constraints, locked=locked, is_quick=True)
 
 
 def _decode(desk: Desk, fields: Fields) -> Constraint:

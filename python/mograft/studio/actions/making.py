@@ -14,7 +14,8 @@ from mograft.scenario import Scenario, follow, to_beats, transitions, walk
 from mograft.search.constraint_records import decode_constraint
 from mograft.studio.actions.fields import Fields
 from mograft.studio.desk import Desk
-from mograft.studio.project import Project, ProjectMotion
+from mograft.studio.project import Lock, Project, ProjectMotion
+from mograft.studio.workshop import renamed
 from mograft.synthesis.graft import graft_many
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.geometry import DrawnSkeleton
@@ -80,7 +81,7 @@ def more_like(desk: Desk, fields: Fields) -> tuple[Project, str]:
     own = desk.project.motion(fields.values.get("id"))
     count, seed = fields.integer("count", 3, 1, _MAX_COUNT), fields.integer("seed", 0)
     graft, project = desk.workshop.editable(own.record), desk.project
-    locked = [(lock.group, (lock.first, lock.last)) for lock in own.locks]
+    locked = [(lock.group, lock.frames) for lock in own.locks]
 
     def variants() -> Iterable[Graft]:
         for number in range(count):
@@ -92,7 +93,7 @@ def more_like(desk: Desk, fields: Fields) -> tuple[Project, str]:
             yield regenerate(graft, ranges, project.n_made + number + seed, locked=locked)
 
     name, text = desk.name_of(own), f"make {count} like {desk.name_of(own)}"
-    return _add(desk, variants(), text, count, stem=name, locks=own), text
+    return _add(desk, variants(), text, count, stem=name, locks=own.locks), text
 
 
 def _library(desk: Desk, fields: Fields) -> Library:
@@ -142,10 +143,10 @@ def _add(
     count: int,
     *,
     stem: str | None = None,
-    locks: ProjectMotion | None = None,
+    locks: tuple[Lock, ...] = (),
 ) -> Project:
     """Return the project with new motions, which are shown as soon as each is made."""
-    project, base = desk.project, desk.project
+    project = before = desk.project
     taken = {desk.name_of(own) for own in project.motions}
     with desk.job(text, count) as advance:
         for graft in grafts:
@@ -153,19 +154,11 @@ def _add(
             name = f"{stem or graft.base.name or 'scenario'}_graft{number}"
             while name in taken:
                 name += "_"
-            graft = replace(graft, motion=replace(graft.motion, name=name))
-            if graft.unchanged is not None:
-                old = graft.unchanged
-                graft = replace(
-                    graft, unchanged=replace(old, motion=replace(old.motion, name=name))
-                )
-            key = desk.workshop.add(graft, desk.source_names)
-            made = ProjectMotion(
-                id=f"m{number}", record=key, locks=() if locks is None else locks.locks
-            )
+            key = desk.workshop.add(renamed(graft, name), desk.source_names)
+            made = ProjectMotion(id=f"m{number}", record=key, locks=locks)
             project = replace(project, motions=(*project.motions, made), n_made=number)
             desk.show(project)
             advance()
-    if project is base:
+    if project is before:
         raise ValueError("the donors allow no motion: raise `variety` or add clips")
     return project
