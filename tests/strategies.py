@@ -135,15 +135,20 @@ def assert_same_rotations(actual, desired, atol=1e-12):
     np.testing.assert_array_less(gaps, atol)
 
 
+def turn_motion(motion, turn):
+    """Return a motion that is turned as a whole by a quaternion."""
+    quats, positions = motion.rotations.copy(), motion.positions.copy()
+    quats[:, 0] = rotations.multiply(turn, quats[:, 0])
+    positions[:, 0] = rotations.rotate(turn, positions[:, 0])
+    return replace(motion, rotations=quats, positions=positions, channel_values=None)
+
+
 def transform_motion(motion, scale=1.0, yaw=0.0, offset=(0.0, 0.0, 0.0)):
     """Return a motion with y up in another unit, with another heading and root position."""
-    skeleton = motion.skeleton
-    quats, positions = motion.rotations.copy(), motion.positions * scale
-    turn = rotations.exp(np.array([0.0, yaw, 0.0]))
-    quats[:, 0] = rotations.multiply(turn, quats[:, 0])
-    positions[:, 0] = rotations.rotate(turn, positions[:, 0]) + np.asarray(offset) * scale
+    larger = replace(motion, positions=motion.positions * scale, channel_values=None)
+    turned = turn_motion(larger, rotations.exp(np.array([0.0, yaw, 0.0])))
+    skeleton, positions = motion.skeleton, turned.positions.copy()
+    positions[:, 0] += np.asarray(offset) * scale
     sites = [replace(site, offset=np.asarray(site.offset) * scale) for site in skeleton.end_sites]
     scaled = replace(skeleton, offsets=skeleton.offsets * scale, end_sites=tuple(sites))
-    return replace(
-        motion, skeleton=scaled, rotations=quats, positions=positions, channel_values=None
-    )
+    return replace(turned, skeleton=scaled, positions=positions)

@@ -36,7 +36,7 @@ def versions(seed, n_frames=40):
         positions[:, 3, rng.integers(3)] += 1e-4 * HEIGHT * np.where(is_off, 1.02, 0.98)
     quats *= rng.choice([-1.0, 1.0], (1, before.n_joints, 1))
     after = replace(before, rotations=quats, positions=positions, name="after", channel_values=None)
-    return before, after, is_off, rng.random(n_frames) < 0.1
+    return before, after, is_off, rng.random(n_frames) < rng.choice([0.0, 0.1])
 
 
 def grow_frame_by_frame(is_new, is_off):
@@ -57,6 +57,7 @@ def grow_frame_by_frame(is_new, is_off):
 def test_splice_takes_exactly_frames_up_to_where_motions_agree(seed):
     before, after, is_off, is_new = versions(seed)
     spliced = splice(before, after, is_new, HEIGHT, ())
+    assert spliced.name == after.name
     grown = grow_frame_by_frame(is_new, is_off)
     np.testing.assert_array_equal(spliced.rotations[~grown], before.rotations[~grown])
     np.testing.assert_array_equal(spliced.positions[~grown], before.positions[~grown])
@@ -80,13 +81,3 @@ def test_splice_takes_moving_joints_from_first_new_frame_on(seed, first):
     np.testing.assert_array_equal(spliced.positions[:first], before.positions[:first])
     np.testing.assert_array_equal(spliced.positions[first:, 0], after.positions[first:, 0])
     np.testing.assert_array_equal(spliced.positions[:, 1:], before.positions[:, 1:])
-
-
-@few_examples(20)
-@given(SEEDS)
-def test_splice_of_no_frame_is_motion_before(seed):
-    before, after, _, _ = versions(seed)
-    spliced = splice(before, after, np.zeros(before.n_frames, bool), HEIGHT, ())
-    np.testing.assert_array_equal(spliced.rotations, before.rotations)
-    np.testing.assert_array_equal(spliced.positions, before.positions)
-    assert spliced.name == after.name

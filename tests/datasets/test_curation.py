@@ -18,6 +18,7 @@ from mograft import datasets
 from mograft.cli import main
 from mograft.datasets import curation
 from tests.datasets.conftest import executor_of
+from tests.exit_codes import exit_code
 from tests.strategies import few_examples
 
 
@@ -180,13 +181,8 @@ def test_command_prints_the_kept_files_and_writes_a_table(stored, tmp_path, caps
     ],
 )
 def test_mistakes_are_one_line(stored, tmp_path, capsys, words, code, message):
-    try:
-        found = main(
-            ["curate", str(stored.folder), *words.format(tmp=tmp_path, lib=stored.folder).split()]
-        )
-    except SystemExit as stop:
-        found = stop.code
-    assert found == code
+    words = words.format(tmp=tmp_path, lib=stored.folder).split()
+    assert exit_code(["curate", str(stored.folder), *words]) == code
     assert message in capsys.readouterr().err.splitlines()[-1]
     assert not list(tmp_path.iterdir())
 

@@ -15,14 +15,14 @@ from mograft.cli import main
 from mograft.datasets.finding import _Query, _sample
 from mograft.motion.resample import resample_segments
 from tests.datasets.conftest import executor_of
-from tests.datasets.test_splits import turned
-from tests.strategies import assert_same_rotations, few_examples
+from tests.exit_codes import exit_code
+from tests.strategies import assert_same_rotations, few_examples, transform_motion
 
 
 @pytest.fixture(scope="module")
 def with_copies(takes):
     """The takes, and a piece of the fourth that is turned, shifted and slower."""
-    piece = turned(takes[3][30:150], 2.0)
+    piece = transform_motion(takes[3][30:150], yaw=2.0)
     slow = replace(piece.resample(27.0), frame_time=takes[0].frame_time, name="slow", path=None)
     return mg.Library.build([*takes, replace(piece, name="piece", path=None), slow])
 
@@ -115,7 +115,7 @@ def test_hits_overlap_neither_each_other_nor_the_query(with_copies, part):
 @pytest.mark.parametrize("query", ["p0_100", "motion"])
 @pytest.mark.parametrize("workers", ["threads", pytest.param("dask", marks=pytest.mark.thorough)])
 def test_executors_find_the_same_spans(stored, takes, query, workers):
-    query = turned(takes[1][20:140], 0.5) if query == "motion" else query
+    query = transform_motion(takes[1][20:140], yaw=0.5) if query == "motion" else query
     expected = datasets.find(stored, query, frames=(20, 90), top=9)
     with executor_of(workers) as pool:
         assert datasets.find(stored, query, frames=(20, 90), top=9, executor=pool) == expected
@@ -124,7 +124,7 @@ def test_executors_find_the_same_spans(stored, takes, query, workers):
 
 
 def test_motion_outside_the_library_finds_its_copy(with_copies, takes):
-    query = turned(takes[3][40:140], -1.0)
+    query = transform_motion(takes[3][40:140], yaw=-1.0)
     hits = datasets.find(with_copies, replace(query, name="query"), frames=(20, 70), top=3)
     assert {hits[0].clip, hits[1].clip} == {takes[3].name, "piece"}
     assert hits[1].angle < np.radians(1.0)
@@ -165,17 +165,7 @@ def test_wrong_queries_are_refused(stored, options, message):
 
 def test_command_prints_the_hits_and_writes_a_page(stored, clip_folder, tmp_path, capsys):
     page = tmp_path / "hits.html"
-    words = [
-        "find",
-        "p0_100",
-        str(stored.folder),
-        "--frames",
-        "1s-3s",
-        "--top",
-        "5",
-        "-o",
-        str(page),
-    ]
+    words = f"find p0_100 {stored.folder} --frames 1s-3s --top 5 -o {page}".split()
     assert main(words) == 0
     lines = capsys.readouterr().out.splitlines()
     hits = datasets.find(stored, "p0_100", frames=(30, 90), top=5)
@@ -185,9 +175,7 @@ def test_command_prints_the_hits_and_writes_a_page(stored, clip_folder, tmp_path
     assert lines[-1] == str(page)
     assert "p0_100 30-90" in page.read_text()
     file = str(next(clip_folder.glob("p0/p0_100.bvh")))
-    assert (
-        main(["find", file, str(stored.folder), "--frames", "30-90", "--top", "5", "--json"]) == 0
-    )
+    assert main(f"find {file} {stored.folder} --frames 30-90 --top 5 --json".split()) == 0
     found = json.loads(capsys.readouterr().out)["hits"]
     assert [hit["clip"] for hit in found] == [hit.clip for hit in hits]
     assert main([*words[:-2], "-j", "2"]) == 0
@@ -208,10 +196,6 @@ def test_command_prints_the_hits_and_writes_a_page(stored, clip_folder, tmp_path
 )
 def test_mistakes_are_one_line(stored, tmp_path, capsys, words, code, message):
     words = words.format(lib=stored.folder, tmp=tmp_path).split()
-    try:
-        found = main(["find", *words])
-    except SystemExit as stop:
-        found = stop.code
-    assert found == code
+    assert exit_code(["find", *words]) == code
     assert message in capsys.readouterr().err.splitlines()[-1]
     assert not list(tmp_path.iterdir())

@@ -13,15 +13,7 @@ from mograft.datasets.copies import find_shared_clips
 from mograft.datasets.splits import assign_parts, select_part
 from mograft.library.discover import SourceFile
 from mograft.motion import rotations
-from tests.strategies import few_examples
-
-
-def turned(motion, angle):
-    """The motion with its root turned about the up axis."""
-    quats = motion.rotations.copy()
-    turn = rotations.exp(np.array([0.0, angle, 0.0]))
-    quats[:, 0] = rotations.multiply(np.broadcast_to(turn, quats[:, 0].shape), quats[:, 0])
-    return replace(motion, rotations=quats, channel_values=None)
+from tests.strategies import few_examples, transform_motion
 
 
 def copy_of(motion, kind, start):
@@ -30,7 +22,7 @@ def copy_of(motion, kind, start):
         "same": motion,
         "mirrored": mg.mirror(motion),
         "piece": motion[start : start + 90],
-        "turned": turned(motion, 1.0),
+        "turned": transform_motion(motion, yaw=1.0),
         "resampled": motion.resample(50.0),
     }[kind]
     return replace(made, name="copy", path=None)

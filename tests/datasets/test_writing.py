@@ -26,6 +26,7 @@ from mograft.dancer import dance
 from mograft.datasets import measuring, shards, writing
 from mograft.datasets.augmentation import PROVENANCE
 from tests.datasets.conftest import executor_of
+from tests.exit_codes import exit_code
 
 RUN = """
 import sys
@@ -43,6 +44,12 @@ def contents(folder):
         for path in sorted(folder.rglob("*"))
         if path.is_file()
     }
+
+
+def provenance(folder):
+    """The rows of the provenance of a data set."""
+    with (folder / "provenance.csv").open(newline="") as stream:
+        return list(csv.DictReader(stream))
 
 
 @pytest.fixture(scope="module")
@@ -119,8 +126,7 @@ def test_rows_are_those_of_the_jobs(windows, tmp_path):
         for row in (found[index], pickle.loads(pickle.dumps(found))[index - 12]):
             assert set(row) == {*window.features, "index"}
             assert all(np.array_equal(row[k], v) for k, v in window.features.items())
-    with (tmp_path / "set/provenance.csv").open(newline="") as stream:
-        rows = list(csv.DictReader(stream))
+    rows = provenance(tmp_path / "set")
     assert [int(row["window"]) for row in rows] == sorted(int(row["window"]) for row in rows)
     assert len(rows) == sum(len(window.provenance) for window in expected[:12])
     report = found.manifest["report"]
@@ -188,10 +194,9 @@ def test_fewer_windows_are_written_if_no_more_exist(takes, tmp_path):
     assert numbers == sorted(numbers, reverse=True)
     # No two windows of a base have the same donors.
     donors = {}
-    with (tmp_path / "0.3/provenance.csv").open(newline="") as stream:
-        for row in csv.DictReader(stream):
-            cells = [row[name] for name in PROVENANCE if name not in ("window", "draw")]
-            donors.setdefault(row["window"], []).append(tuple(cells))
+    for row in provenance(tmp_path / "0.3"):
+        cells = [row[name] for name in PROVENANCE if name not in ("window", "draw")]
+        donors.setdefault(row["window"], []).append(tuple(cells))
     assert len(set(map(tuple, donors.values()))) == len(donors) == numbers[1]
 
 
@@ -207,11 +212,8 @@ def test_interrupted_calls_are_continued_with_the_same_bytes(
         pytest.importorskip("pyarrow", reason="pyarrow is not installed")
     datasets.write(windows, tmp_path / "whole", 23, format=format_)
     expected = contents(tmp_path / "whole")
-    write_bytes = writing.write_bytes
-    write_shard = shards.write_bytes
-    write_text = writing.write_text
     for stop in range(1, 30):
-        steps = iter(range(100))
+        steps, is_cut = iter(range(100)), False
 
         def counted(function, steps=steps, stop=stop):
             def call(*arguments):
@@ -221,16 +223,17 @@ def test_interrupted_calls_are_continued_with_the_same_bytes(
 
             return call
 
-        monkeypatch.setattr(writing, "write_bytes", counted(write_bytes))
-        monkeypatch.setattr(shards, "write_bytes", counted(write_shard))
-        monkeypatch.setattr(writing, "write_text", counted(write_text))
-        try:
-            datasets.write(windows, tmp_path / "cut", 23, format=format_)
-            is_cut = False
-        except _Killed:
-            is_cut = True
-        monkeypatch.undo()
-        monkeypatch.setattr(writing, "SHARD_SIZE", 5)
+        with monkeypatch.context() as patch:
+            for module, name in (
+                (writing, "write_bytes"),
+                (shards, "write_bytes"),
+                (writing, "write_text"),
+            ):
+                patch.setattr(module, name, counted(getattr(module, name)))
+            try:
+                datasets.write(windows, tmp_path / "cut", 23, format=format_)
+            except _Killed:
+                is_cut = True
         datasets.write(windows, tmp_path / "cut", 23, format=format_, resume=True)
         assert contents(tmp_path / "cut") == expected, stop
         shutil.rmtree(tmp_path / "cut")
@@ -317,12 +320,10 @@ class _Dying:
 
 def test_killed_worker_is_an_error_and_whole_shards_remain(windows, tmp_path, monkeypatch):
     dumps = pickle.dumps
-    with worker_processes(2) as executor:
-        monkeypatch.setattr(writing.pickle, "dumps", lambda _: dumps(_Dying()))
+    with worker_processes(2) as executor, monkeypatch.context() as patch:
+        patch.setattr(writing.pickle, "dumps", lambda _: dumps(_Dying()))
         with pytest.raises(mg.MograftError, match="a worker process was killed"):
             datasets.write(windows, tmp_path / "set", 5, executor=executor)
-    monkeypatch.undo()
-    monkeypatch.setattr(writing, "SHARD_SIZE", 5)
     datasets.write(windows, tmp_path / "set", 5, resume=True)
     assert len(datasets.read_set(tmp_path / "set")) == 5
 
@@ -385,12 +386,8 @@ def test_mistakes_are_one_line_and_write_nothing(stored, tmp_path, capsys, words
     (tmp_path / "full").mkdir()
     (tmp_path / "full/a.txt").write_text("mine")
     words = words.format(out=tmp_path / "out", full=tmp_path / "full").split()
-    try:
-        found = main(["augment", str(stored.folder), *words])
-    except SystemExit as stop:
-        found = stop.code
+    assert exit_code(["augment", str(stored.folder), *words]) == code
     err = capsys.readouterr().err
-    assert found == code
     assert message in err.splitlines()[-1]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["full"]
 
@@ -409,8 +406,7 @@ def test_measure_compares_grafts_of_the_set(windows, stored, tmp_path, monkeypat
     datasets.write(windows, tmp_path / "set", 12)
     built, compare = [], measuring.detectability
     monkeypatch.setattr(measuring, "detectability", lambda *arguments: built.append(arguments))
-    with (tmp_path / "set/provenance.csv").open(newline="") as stream:
-        rows = {int(own["window"]): own for own in csv.DictReader(stream)}
+    rows = {int(own["window"]): own for own in provenance(tmp_path / "set")}
     shown = list(dict.fromkeys((own["base"], own["draw"]) for own in rows.values()))
     assert {draw for _, draw in shown} == {"0", "1"}
     found = datasets.read_set(tmp_path / "set")

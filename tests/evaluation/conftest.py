@@ -2,11 +2,10 @@
 
 import pytest
 
-from lab.donors.methods import makers
+from lab.donors.methods import ByCost, makers
 from mograft import Config, Library
 from mograft.dancer import dance
 from mograft.evaluation import RandomLength, evaluate
-from tests.evaluation.planted import ByCost
 
 
 @pytest.fixture(scope="package")

@@ -1,11 +1,11 @@
-"""Grafts with a planted change, and methods of donor selection, for tests of measures."""
+"""Grafts with a planted change, for tests of measures."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from mograft import rotations
-from mograft.evaluation import Method, grafts_by
+from mograft.evaluation import grafts_by
 
 
 def grafts_of_clips(library, method, count=3):
@@ -28,25 +28,3 @@ def add_jitter(graft, joint, angle=0.06, reach=4, seed=0):
     turns = rotations.exp(rng.normal(scale=angle, size=(len(near), 3)))
     quats[near, joint] = rotations.multiply(quats[near, joint], turns)
     return replace(graft, motion=replace(graft.motion, rotations=quats, channel_values=None))
-
-
-@dataclass(frozen=True)
-class Captured(Method):
-    """The only donor is the base segment itself, so that grafts equal the recording."""
-
-    name: str = "captured"
-
-    def candidates(self, library, scenario):  # noqa: ARG002
-        return [np.array([segment]) for segment in scenario.tolist()]
-
-
-@dataclass(frozen=True)
-class ByCost(Method):
-    """The candidates of the configuration, of which `Config.choice` selects by cost."""
-
-    name: str = "by cost"
-    uses_cost: bool = True
-
-    def candidates(self, library, scenario):
-        group = next(name for name in library.groups.names if name != library.groups.base)
-        return library.pool(group).candidate_lists(scenario, library.config)

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lab.donors.methods import Captured
 from mograft import InsufficientDataError, Library, graft
 from mograft.dancer import dance
 from mograft.evaluation import RandomLength, grafts_by
@@ -22,7 +23,7 @@ from mograft.evaluation.detectability import (
     weighted_auc,
 )
 from mograft.evaluation.windows import GraftWindows
-from tests.evaluation.planted import Captured, add_jitter, copy_base
+from tests.evaluation.planted import add_jitter, copy_base
 from tests.strategies import SEEDS
 
 metrics = pytest.importorskip("sklearn.metrics", reason="scikit-learn is not installed")

@@ -11,12 +11,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from lab.donors.methods import ByCost
 from mograft import read_bvh
 from mograft.evaluation import RandomLength, grafts_by
 from mograft.evaluation.detectability import detectability
 from mograft.evaluation.novelty import novelty
 from mograft.evaluation.world_measures import WorldReference
-from tests.evaluation.planted import ByCost
 
 pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 

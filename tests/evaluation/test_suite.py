@@ -8,14 +8,20 @@ import numpy as np
 import pytest
 
 import mograft as mg
-from lab.donors.methods import makers
+from lab.donors.methods import ByCost, makers
 from mograft import Library, read_bvh, write_bvh
 from mograft._util import extras
 from mograft.cli import main
 from mograft.dancer import dance
-from mograft.evaluation import RandomLength, detectability, evaluate, quality, world_quality
+from mograft.evaluation import (
+    RandomLength,
+    detectability,
+    evaluate,
+    novelty,
+    quality,
+    world_quality,
+)
 from mograft.viewing.evaluation_report import evaluation_page, summarize
-from tests.evaluation.planted import ByCost
 from tests.strategies import smooth_rotations
 
 pytest.importorskip("sklearn", reason="scikit-learn is not installed")
@@ -93,7 +99,9 @@ def test_evaluate_without_methods_measures_the_grafts_of_graft_many(library):
     assert found.parameters["ways"] == ["grafts"]
 
 
-@pytest.mark.parametrize("measure", [quality, world_quality, detectability])
+@pytest.mark.parametrize(
+    "measure", [quality, world_quality, detectability, lambda _, grafts: novelty(grafts)]
+)
 @pytest.mark.parametrize("grafts", [[], [[]]])
 def test_measures_without_grafts_raise_insufficient_data_error(measure, grafts):
     with pytest.raises(mg.InsufficientDataError, match="at least one graft"):
@@ -142,7 +150,7 @@ def test_evaluate_upper_base_group_measures_balance(library):
     groups = mg.JointGroups({"upper": upper, "lower": lower}, base="upper")
     inverted = Library.build(library.clips, groups)
     found = evaluate(inverted, ["balance"], methods=makers((ByCost(),)), runs=1, bases=1)
-    assert {row.method for row in found.balance} == {"recording", "by cost"}
+    assert {row.method for row in found.balance} == {"recording", ByCost.name}
 
 
 def test_evaluate_mostly_flight_counts_flight_separately(library):

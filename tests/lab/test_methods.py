@@ -10,7 +10,6 @@ from lab.donors.methods import (
     Analogy,
     Ball,
     ByCost,
-    Captured,
     ContactPattern,
     Nearest,
     Random,
@@ -160,12 +159,6 @@ def test_grafts_by_cost_equal_graft_many(library):
     unrepaired = library.relabelled(replace(library.config, self_repair=False))
     made = grafts_by(ByCost(), library, None, 2, seed=3), graft_many(unrepaired, None, 2, seed=3)
     assert_same_lists(*([graft.motion.rotations for graft in own] for own in made))
-
-
-def test_grafts_by_captured_equals_recording(library):
-    graft = grafts_by(Captured(), library, None, 1, seed=0)[0]
-    np.testing.assert_array_equal(graft.motion.rotations, graft.base.rotations)
-    np.testing.assert_array_equal(graft.motion.positions, graft.base.positions)
 
 
 def test_default_methods_omit_those_that_need_legs_or_different_base_parts():

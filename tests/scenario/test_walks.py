@@ -23,14 +23,6 @@ def test_walk_any_seed_uses_transitions_and_reaches_duration(library, graph, see
     np.testing.assert_array_equal(walk(library, duration, seed, graph=graph), chosen)
 
 
-def test_walk_complete_graph_repeats_segment_after_two_others(library):
-    costs = np.zeros((5, 5))
-    np.fill_diagonal(costs, np.inf)
-    chosen = walk(library, 60.0, graph=graph_from_costs(costs))
-    for gap in (1, 2):
-        assert (chosen[gap:] != chosen[:-gap]).all()
-
-
 @settings(max_examples=10, deadline=None)
 @given(SEEDS, st.integers(60, 2000))
 def test_fill_any_frame_count_is_met_exactly(library, graph, seed, frames):
@@ -113,11 +105,8 @@ def test_walk_long_duration_on_few_segments_uses_all_evenly(library, monkeypatch
     uses = np.bincount(chosen, minlength=5)
     assert uses.min() > 800
     assert uses.max() - uses.min() < 10
-    assert (np.diff(chosen) != 0).all()
-
-
-def test_walk_seed_of_numpy_is_accepted(library):
-    assert len(walk(library, np.int64(1), np.int64(3))) > 0
+    for gap in (1, 2):
+        assert (chosen[gap:] != chosen[:-gap]).all()
 
 
 TABLE = r"a walk on \d+ segments must have at most \d+ frames"

@@ -586,12 +586,6 @@ def test_avoid_is_satisfied_for_every_choice(library):
             assert after.max() <= 1.0
 
 
-def test_repair_without_violation_returns_captured_motion(library):
-    graft = mg.repair(library, constraints=[mc.Avoid(mc.Sphere((0.0, 9000.0, 0.0), 5.0))])
-    base = library.clips[0]
-    assert_array_equal(graft.motion.channel_numbers(), base.channel_numbers())
-
-
 @pytest.mark.parametrize("changes", [{"torso": "pelvis"}, {"alignment": "dtw"}])
 def test_violations_describe_the_finished_motion(library, changes):
     """Errors of candidates leave out the seams; violations include them."""

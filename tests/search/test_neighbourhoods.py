@@ -66,13 +66,6 @@ def test_ball_members_are_those_of_the_points_given():
     check(second)
 
 
-@given(SEEDS, SIGMAS)
-def test_cluster_members_have_the_label_of_the_base_segment(seed, sigma):
-    labels, _, members = find_members("cluster", seed, sigma)
-    for base, found in enumerate(members):
-        assert found.tolist() == [k for k in range(N) if labels[k] == labels[base]]
-
-
 @pytest.mark.parametrize("name", tuple(NEIGHBOURHOODS))
 @given(SEEDS)
 def test_members_do_not_depend_on_the_other_base_segments(name, seed):

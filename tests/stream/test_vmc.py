@@ -26,7 +26,7 @@ from mograft.stream.live import Receiver, Relay, Resampler, Sender
 from mograft.stream.vmc import HUMANOID, ROOT, Figure, read_bones
 from tests.fuzz import vmc as fuzz
 from tests.oracles import vmc as oracle
-from tests.strategies import transform_motion
+from tests.strategies import transform_motion, turn_motion
 
 MOTION = dance(seed=2, strides=1).motion
 BONE_OF_JOINT = {"LeftHand": "LeftHand", "RightFoot": "RightFoot", "Head": "Head", "Hips": "Hips"}
@@ -123,11 +123,7 @@ def test_receiver_sees_the_figure_of_a_glb(tmp_path, up):
     """Also with 5 % of the packets lost and the others out of order."""
     motion = dance(seed=4, strides=2).motion[:1000]
     if up == "z":
-        turn = rotations.from_axis_angle(np.array([1.0, 0, 0]), np.array(np.pi / 2))
-        quats, places = motion.rotations.copy(), motion.positions.copy()
-        quats[:, 0] = rotations.multiply(turn, quats[:, 0])
-        places[:, 0] = rotations.rotate(turn, places[:, 0])
-        motion = mg.Motion(motion.skeleton, motion.frame_time, quats, places, name="z up")
+        motion = turn_motion(motion, rotations.exp(np.array([np.pi / 2, 0.0, 0.0])))
     mg.formats.write_glb(motion, tmp_path / "a.glb")
     expected = mg.read(tmp_path / "a.glb")[0]
     positions, height = expected.world_positions(), np.ptp(expected.world_positions()[0, :, 1])

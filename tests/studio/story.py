@@ -5,7 +5,7 @@ import contextlib
 
 from mograft.studio.server import StudioServer
 from mograft.studio.session import Session
-from tests.browser import wait_until
+from tests.browser import new_page, wait_until
 
 _DROP = """([name, data]) => {
   const bytes = Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0));
@@ -25,27 +25,19 @@ STATE = "(await (await fetch('/api/state')).json())"
 def studio(browser, folder, size=(1280, 800), theme="light"):
     """Open an empty studio; fail on errors of the page and on requests to other servers."""
     folder.mkdir(exist_ok=True)
-    session, reports, messages, addresses = Session(folder), [], [], []
-    with StudioServer(session, folder, report=reports.append) as server:
-        page = browser.new_page(
-            viewport={"width": size[0], "height": size[1]},
-            color_scheme=theme,
-            reduced_motion="reduce",
-        )
+    reports = []
+    with (
+        contextlib.closing(Session(folder)) as session,
+        StudioServer(session, folder, report=reports.append) as server,
+        new_page(browser, *size, theme, reduced_motion="reduce") as page,
+    ):
         page.set_default_timeout(_TIMEOUT_MILLISECONDS)
-        page.on("console", lambda message: messages.append(message.text))
-        page.on("pageerror", lambda error: messages.append(str(error)))
-        page.on("request", lambda request: addresses.append(request.url))
         page.goto(server.url)
         page.wait_for_selector("#mograft[data-ready='1']")
-        try:
-            yield Person(page, session)
-        finally:
-            page.close()
-            session.close()
-    origin = server.url.partition("/?")[0]
-    assert [own for own in addresses if not own.startswith((f"{origin}/", "blob:", "data:"))] == []
-    assert not messages + reports, (messages, reports)
+        yield Person(page, session)
+    known = (f"{server.url.partition('/?')[0]}/", "blob:", "data:")
+    assert [own for own in page.requests if not own.startswith(known)] == []
+    assert reports == []
 
 
 class Person:

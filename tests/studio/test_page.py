@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mograft.studio.server import StudioServer
-from tests.browser import TIMEOUT_MILLISECONDS, chromium, wait_until
+from tests.browser import chromium, new_page, wait_until
 from tests.strategies import HOSTILE_NAMES
 
 pytestmark = pytest.mark.browser
@@ -29,22 +29,21 @@ def browser():
 @contextlib.contextmanager
 def opened(browser, session, width=1280, height=800, theme="light", expected=()):
     """Open the page of a session; fail on console output, except for `expected` words."""
-    with StudioServer(session, session.folder, report=print) as server:
-        page = browser.new_page(
-            viewport={"width": width, "height": height}, color_scheme=theme, reduced_motion="reduce"
-        )
-        page.set_default_timeout(TIMEOUT_MILLISECONDS)
-        messages = []
-        page.on("console", lambda message: messages.append(message.text))
-        page.on("pageerror", lambda error: messages.append(str(error)))
+    with (
+        StudioServer(session, session.folder, report=print) as server,
+        new_page(browser, width, height, theme, expected, reduced_motion="reduce") as page,
+    ):
         page.goto(server.url)
         page.wait_for_selector("#mograft[data-ready='1']")
-        page.server = server
-        try:
-            yield page
-        finally:
-            page.close()
-    assert [own for own in messages if not any(word in own for word in expected)] == []
+        until_figure(page)
+        yield page
+
+
+@pytest.fixture
+def page(browser, session):
+    """The page of a session, which shows its first motion."""
+    with opened(browser, session) as found:
+        yield found
 
 
 def run(page, body, argument=None):
@@ -81,6 +80,15 @@ def places(page, kind, name, frames):
     )
 
 
+def add_constraints(page, kinds):
+    """Add constraints of some kinds by the controls of the page."""
+    page.locator("#tab-constraints").click()
+    for number, kind in enumerate(kinds):
+        page.locator("[data-part=newKind]").select_option(kind)
+        page.get_by_role("button", name="Add", exact=True).click()
+        page.locator(".constraint").nth(number).wait_for()
+
+
 def graft_of(session, name="m1"):
     return session.workshop.graft(session.project.motion(name).record)
 
@@ -97,7 +105,6 @@ def test_page_poses_equal_world_positions_of_motions_and_bases(browser, session)
 def test_page_after_any_edits_and_undo_has_the_poses_of_the_session(browser, session):
     rng = np.random.default_rng(5)
     with opened(browser, session) as page:
-        until_figure(page)
         for step in range(8):
             graft = graft_of(session)
             start = int(rng.integers(0, graft.motion.n_frames - 60))
@@ -159,41 +166,35 @@ def test_patch_with_tracks_that_did_not_turn_equals_the_whole_figure(browser, se
     assert kept == whole
 
 
-def test_donor_is_posed_in_place_while_it_is_pointed_at(browser, session):
-    with opened(browser, session) as page:
-        until_figure(page)
-        page.locator(".block[data-block='upper/2']").click()
-        row = page.locator(".donors tbody tr:not(.used):not(.refused)").first
-        row.wait_for()
-        graft = graft_of(session)
-        part = [own for own in graft.substitutions if own.group == "upper"][2]
-        before = places(page, "motion", "m1", [part.start, part.stop])
-        row.hover()
-        wait_until(
-            page, "(async () => (await import('/viewer/scene.js')).state.preview !== null)()"
-        )
-        clip, frames = row.locator("button").first.inner_text().rsplit(" ", 1)
-        first, last = map(int, frames.split("\N{EN DASH}"))
-        donor = next(own for own in graft.library.clips if own.name == clip)
-        body = """
-          const clip = await figure("motion", "m1");
-          const pose = modules.poses.makePose(clip);
-          return argument.map((frame) => {
-            modules.poses.setPose(clip, frame, pose);
-            return pose.bones.map((bone) => bone.quaternion.toArray());
-          });"""
-        turns = np.array(run(page, FIGURE + body, [part.start, part.stop]))
-        joints = list(graft.library.joints("upper"))
-        want = donor.rotations[[first, last]][:, joints]
-        cosine = np.abs((turns[:, joints] * want).sum(axis=-1))
-        assert cosine.min() > 1 - 1e-7
-        page.mouse.move(5, 5)
-        wait_until(
-            page, "(async () => (await import('/viewer/scene.js')).state.preview === null)()"
-        )
-        np.testing.assert_allclose(
-            places(page, "motion", "m1", [part.start, part.stop]), before, atol=1e-9
-        )
+def test_donor_is_posed_in_place_while_it_is_pointed_at(page, session):
+    page.locator(".block[data-block='upper/2']").click()
+    row = page.locator(".donors tbody tr:not(.used):not(.refused)").first
+    row.wait_for()
+    graft = graft_of(session)
+    part = [own for own in graft.substitutions if own.group == "upper"][2]
+    before = places(page, "motion", "m1", [part.start, part.stop])
+    row.hover()
+    wait_until(page, "(async () => (await import('/viewer/scene.js')).state.preview !== null)()")
+    clip, frames = row.locator("button").first.inner_text().rsplit(" ", 1)
+    first, last = map(int, frames.split("\N{EN DASH}"))
+    donor = next(own for own in graft.library.clips if own.name == clip)
+    body = """
+      const clip = await figure("motion", "m1");
+      const pose = modules.poses.makePose(clip);
+      return argument.map((frame) => {
+        modules.poses.setPose(clip, frame, pose);
+        return pose.bones.map((bone) => bone.quaternion.toArray());
+      });"""
+    turns = np.array(run(page, FIGURE + body, [part.start, part.stop]))
+    joints = list(graft.library.joints("upper"))
+    want = donor.rotations[[first, last]][:, joints]
+    cosine = np.abs((turns[:, joints] * want).sum(axis=-1))
+    assert cosine.min() > 1 - 1e-7
+    page.mouse.move(5, 5)
+    wait_until(page, "(async () => (await import('/viewer/scene.js')).state.preview === null)()")
+    np.testing.assert_allclose(
+        places(page, "motion", "m1", [part.start, part.stop]), before, atol=1e-9
+    )
 
 
 def test_record_of_a_shape_that_nobody_moved_is_the_record(browser, session):
@@ -252,80 +253,75 @@ def test_record_of_a_shape_that_nobody_moved_is_the_record(browser, session):
                 assert got[name] == value
 
 
-def test_gizmo_that_is_dragged_moves_the_obstacle_in_one_step(browser, session):
-    with opened(browser, session) as page:
-        until_figure(page)
-        page.locator("#tab-constraints").click()
-        page.locator("#pane-constraints button", has_text="Add").click()
-        page.locator(".constraint.selected").wait_for()
-        n_steps = len(session.history.past)
-        before = graft_of(session).request.constraints[0].obstacle.center
-        wait_until(page, "!document.querySelector('[data-part=gizmo]').hidden")
-        page.wait_for_timeout(300)
-        at = run(
-            page,
-            """const [own] = [...document.querySelectorAll('[data-part=graftTile]')];
-            const box = own.getBoundingClientRect();
-            const { camera } = modules.stage.stage.view;
-            const record = modules.store.selected().constraints[0].record;
-            const clip = modules.player.mainFigure();
-            const point = (place) => {
-              const { x, y } = place.project(camera);
-              return [box.left + (x + 1) / 2 * box.width, box.top + (1 - y) / 2 * box.height];
-            };
-            const center = new THREE.Vector3(...record.obstacle.center);
-            const above = center.clone().add(new THREE.Vector3(0, 18, 0));
-            return [point(center), point(above)];""",
-        )
-        (x, y), (up_x, up_y) = at
-        grip = [x + 1.6 * (up_x - x), y + 1.6 * (up_y - y)]
-        page.mouse.move(*grip)
-        page.mouse.down()
-        page.mouse.move(grip[0], grip[1] - 20, steps=4)
-        page.mouse.move(grip[0], grip[1] - 50, steps=4)
-        page.mouse.up()
-        wait_until(
-            page,
-            "(async () => { const own = (await import('/studio/store.js')).selected();"
-            f"return own.constraints[0].record.obstacle.center[1] > {before[1] + 1}; }})()",
-        )
-        after = graft_of(session).request.constraints[0].obstacle.center
-        assert after[1] > before[1] + 1
-        np.testing.assert_allclose([after[0], after[2]], [before[0], before[2]], atol=0.01)
-        assert len(session.history.past) == n_steps + 1
+def test_gizmo_that_is_dragged_moves_the_obstacle_in_one_step(page, session):
+    page.locator("#tab-constraints").click()
+    page.locator("#pane-constraints button", has_text="Add").click()
+    page.locator(".constraint.selected").wait_for()
+    n_steps = len(session.history.past)
+    before = graft_of(session).request.constraints[0].obstacle.center
+    wait_until(page, "!document.querySelector('[data-part=gizmo]').hidden")
+    page.wait_for_timeout(300)
+    at = run(
+        page,
+        """const [own] = [...document.querySelectorAll('[data-part=graftTile]')];
+        const box = own.getBoundingClientRect();
+        const { camera } = modules.stage.stage.view;
+        const record = modules.store.selected().constraints[0].record;
+        const clip = modules.player.mainFigure();
+        const point = (place) => {
+          const { x, y } = place.project(camera);
+          return [box.left + (x + 1) / 2 * box.width, box.top + (1 - y) / 2 * box.height];
+        };
+        const center = new THREE.Vector3(...record.obstacle.center);
+        const above = center.clone().add(new THREE.Vector3(0, 18, 0));
+        return [point(center), point(above)];""",
+    )
+    (x, y), (up_x, up_y) = at
+    grip = [x + 1.6 * (up_x - x), y + 1.6 * (up_y - y)]
+    page.mouse.move(*grip)
+    page.mouse.down()
+    page.mouse.move(grip[0], grip[1] - 20, steps=4)
+    page.mouse.move(grip[0], grip[1] - 50, steps=4)
+    page.mouse.up()
+    wait_until(
+        page,
+        "(async () => { const own = (await import('/studio/store.js')).selected();"
+        f"return own.constraints[0].record.obstacle.center[1] > {before[1] + 1}; }})()",
+    )
+    after = graft_of(session).request.constraints[0].obstacle.center
+    assert after[1] > before[1] + 1
+    np.testing.assert_allclose([after[0], after[2]], [before[0], before[2]], atol=0.01)
+    assert len(session.history.past) == n_steps + 1
 
 
-def test_range_that_is_dragged_over_a_lane_is_locked_and_undone_by_keyboard(browser, session):
-    with opened(browser, session) as page:
-        until_figure(page)
-        box = page.locator(".lane[data-group=upper]").bounding_box()
-        y = box["y"] + 12
-        page.mouse.move(box["x"] + 60, y)
-        page.mouse.down()
-        page.mouse.move(box["x"] + 150, y, steps=5)
-        page.mouse.up()
-        focus = run(page, "return modules.store.store.focus;")
-        assert focus["group"] == "upper"
-        assert 0 < focus["first"] < focus["last"]
-        page.keyboard.press("k")
-        page.locator(".locked").first.wait_for()
-        (lock,) = session.project.motion("m1").locks
-        # Whole segments are locked.
-        assert lock.group == "upper"
-        assert lock.first <= focus["first"] < focus["last"] <= lock.last
-        page.locator("#pane-segment button", has_text="Unlock").wait_for()
-        assert page.locator("#pane-segment button", has_text="Choose again").is_disabled()
-        page.keyboard.press("Control+z")
-        wait_until(page, "document.querySelectorAll('.locked').length === 0")
-        assert session.project.motion("m1").locks == ()
-        page.keyboard.press("Control+Shift+z")
-        page.locator(".locked").first.wait_for()
+def test_range_that_is_dragged_over_a_lane_is_locked_and_undone_by_keyboard(page, session):
+    box = page.locator(".lane[data-group=upper]").bounding_box()
+    y = box["y"] + 12
+    page.mouse.move(box["x"] + 60, y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 150, y, steps=5)
+    page.mouse.up()
+    focus = run(page, "return modules.store.store.focus;")
+    assert focus["group"] == "upper"
+    assert 0 < focus["first"] < focus["last"]
+    page.keyboard.press("k")
+    page.locator(".locked").first.wait_for()
+    (lock,) = session.project.motion("m1").locks
+    # Whole segments are locked.
+    assert lock.group == "upper"
+    assert lock.first <= focus["first"] < focus["last"] <= lock.last
+    page.locator("#pane-segment button", has_text="Unlock").wait_for()
+    assert page.locator("#pane-segment button", has_text="Choose again").is_disabled()
+    page.keyboard.press("Control+z")
+    wait_until(page, "document.querySelectorAll('.locked').length === 0")
+    assert session.project.motion("m1").locks == ()
+    page.keyboard.press("Control+Shift+z")
+    page.locator(".locked").first.wait_for()
 
 
 def test_path_that_is_drawn_on_the_floor_is_sent_in_axes_of_the_page(browser, session):
     sent = []
     with opened(browser, session) as page:
-        until_figure(page)
         page.locator("#tab-scenario").click()
         page.locator("button", has_text="Draw path").click()
         page.wait_for_timeout(300)
@@ -357,7 +353,6 @@ def test_path_that_is_drawn_on_the_floor_is_sent_in_axes_of_the_page(browser, se
 
 def test_change_of_an_old_state_is_refused_and_the_new_state_shown(browser, session):
     with opened(browser, session, expected=["409"]) as page:
-        until_figure(page)
         page.route("**/api/events", lambda route: route.abort())
         run(page, "modules.store.store.project.revision -= 1;")
         page.locator(".card").nth(1).get_by_label("Favourite:").click()
@@ -371,7 +366,6 @@ def test_change_of_an_old_state_is_refused_and_the_new_state_shown(browser, sess
 def test_lost_connection_is_shown_until_the_server_is_back(browser, session):
     expected = ["Failed to load resource", "net::ERR"]
     with opened(browser, session, expected=expected) as page:
-        until_figure(page)
         page.context.set_offline(True)
         page.locator(".card").first.get_by_label("Favourite:").click()
         page.locator("[data-part=banner]", has_text="Connection lost").wait_for()
@@ -385,15 +379,13 @@ def test_lost_connection_is_shown_until_the_server_is_back(browser, session):
 @pytest.mark.parametrize(
     "name", [own for own in HOSTILE_NAMES if own.strip() and own.isprintable()]
 )
-def test_names_are_shown_as_text(browser, session, name):
-    with opened(browser, session) as page:
-        until_figure(page)
-        session.do({"action": "rename", "id": "m1", "name": name})
-        card = page.locator(".card").first
-        wait_until(page, "!document.querySelector('.card bdi').textContent.startsWith('one')")
-        assert card.locator("bdi").evaluate("own => own.textContent") == name.strip()
-        assert page.locator("[data-part=graftName]").evaluate("own => own.children.length") == 0
-        assert page.evaluate("document.querySelectorAll('script').length") == 2
+def test_names_are_shown_as_text(page, session, name):
+    session.do({"action": "rename", "id": "m1", "name": name})
+    card = page.locator(".card").first
+    wait_until(page, "!document.querySelector('.card bdi').textContent.startsWith('one')")
+    assert card.locator("bdi").evaluate("own => own.textContent") == name.strip()
+    assert page.locator("[data-part=graftName]").evaluate("own => own.children.length") == 0
+    assert page.evaluate("document.querySelectorAll('script').length") == 2
 
 
 NAMES = """() => [...document.querySelectorAll("button, input, select, [tabindex='0']")]
@@ -412,7 +404,6 @@ WORDLESS = """() => [...document.querySelectorAll("button")]
 def test_every_pane_fits_its_width_and_names_its_controls(browser, session, width, theme):
     session.do({"action": "lock", "id": "m1", "group": "upper", "first": 0, "last": 40})
     with opened(browser, session, width, theme=theme) as page:
-        until_figure(page)
         page.locator(".block[data-block='upper/2']").click()
         for tab in ("clips", "scenario", "motions", "constraints", "segment"):
             page.locator(f"#tab-{tab}").click()
@@ -427,33 +418,25 @@ def test_every_pane_fits_its_width_and_names_its_controls(browser, session, widt
         assert (sum(map(int, paper[4:-1].split(","))) > 382) == (theme == "light")
 
 
-def test_meshes_of_removed_motions_are_dropped(browser, session):
-    with opened(browser, session) as page:
-        until_figure(page)
-        until_figure(page, "m2")
-        count = "return [...modules.actors.allActors()].length;"
-        wait_until(
-            page, "(async () => [...(await import('/viewer/actors.js')).allActors()].length >= 4)()"
-        )
-        before = run(page, count)
-        session.do({"action": "remove", "ids": ["m2", "m3"]})
-        wait_until(page, "document.querySelectorAll('.card').length === 1")
-        assert run(page, count) < before
+def test_meshes_of_removed_motions_are_dropped(page, session):
+    until_figure(page, "m2")
+    count = "return [...modules.actors.allActors()].length;"
+    wait_until(
+        page, "(async () => [...(await import('/viewer/actors.js')).allActors()].length >= 4)()"
+    )
+    before = run(page, count)
+    session.do({"action": "remove", "ids": ["m2", "m3"]})
+    wait_until(page, "document.querySelectorAll('.card').length === 1")
+    assert run(page, count) < before
 
 
 def test_constraints_of_every_kind_are_added_and_shown_by_another_page(browser, session):
     with opened(browser, session) as page:
-        until_figure(page)
-        page.locator("#tab-constraints").click()
-        kinds = page.locator("[data-part=newKind] option").all_inner_texts()
-        for number, kind in enumerate(kinds):
-            page.locator("[data-part=newKind]").select_option(kind)
-            page.get_by_role("button", name="Add", exact=True).click()
-            page.locator(".constraint").nth(number).wait_for()
+        kinds = page.locator("[data-part=newKind] option").all_text_contents()
+        add_constraints(page, kinds)
         forms = page.locator(".constraint").all_inner_texts()
     assert len(graft_of(session).request.constraints) == len(kinds)
     with opened(browser, session) as page:
-        until_figure(page)
         page.locator("#tab-constraints").click()
         page.locator(".constraint").nth(len(kinds) - 1).wait_for()
         assert page.locator(".constraint").all_inner_texts() == forms
@@ -472,12 +455,7 @@ def test_constraints_of_one_kind_have_names_and_places_of_their_own(browser, ses
     kinds = [*(f"{own} to avoid" for own in shapes), limbs]
     names = ["Sphere 1", "Wall 1", "Sphere 2", "Wall 2", "Sphere 3", limbs]
     with opened(browser, session) as page:
-        until_figure(page)
-        page.locator("#tab-constraints").click()
-        for number, kind in enumerate(kinds):
-            page.locator("[data-part=newKind]").select_option(kind)
-            page.get_by_role("button", name="Add", exact=True).click()
-            page.locator(".constraint").nth(number).wait_for()
+        add_constraints(page, kinds)
         assert page.locator(".constraint h3").all_inner_texts() == names
         assert page.locator(".name.thin").all_inner_texts() == names
         state = run(page, "return modules.store.selected();")
@@ -519,7 +497,6 @@ def test_labels_on_the_stage_do_not_cover_each_other(browser, session):
       prototype.fillText = fillText;
       return Object.values(found);"""
     with opened(browser, session) as page:
-        until_figure(page)
         labels = run(page, body)
     assert len(labels) >= 4
     for i, (x, y, width) in enumerate(labels):
@@ -527,19 +504,17 @@ def test_labels_on_the_stage_do_not_cover_each_other(browser, session):
             assert abs(x - other_x) >= (width + other_width) / 2 or abs(y - other_y) >= 12
 
 
-def test_export_says_what_is_written_and_where(browser, session):
-    with opened(browser, session) as page:
-        until_figure(page)
-        page.locator("[data-part=export]").click()
-        dialog = page.get_by_role("dialog", name="Export")
-        dialog.get_by_text("No motion is ticked “Keep for export”").wait_for()
-        dialog.get_by_label("folder").fill("there")
-        dialog.get_by_text(f"Written to {session.folder}/there", exact=True).wait_for()
-        dialog.get_by_role("button", name="Cancel").click()
-        assert not list(session.folder.glob("there*"))
-        session.do({"action": "keep", "id": "m2", "isKept": True})
-        page.get_by_role("button", name="Export 1 motion…").click()
-        dialog.get_by_text("1 motion with a tick at “Keep for export”.", exact=True).wait_for()
+def test_export_says_what_is_written_and_where(page, session):
+    page.locator("[data-part=export]").click()
+    dialog = page.get_by_role("dialog", name="Export")
+    dialog.get_by_text("No motion is ticked “Keep for export”").wait_for()
+    dialog.get_by_label("folder").fill("there")
+    dialog.get_by_text(f"Written to {session.folder}/there", exact=True).wait_for()
+    dialog.get_by_role("button", name="Cancel").click()
+    assert not list(session.folder.glob("there*"))
+    session.do({"action": "keep", "id": "m2", "isKept": True})
+    page.get_by_role("button", name="Export 1 motion…").click()
+    dialog.get_by_text("1 motion with a tick at “Keep for export”.", exact=True).wait_for()
 
 
 def test_previews_stand_still_for_who_wants_less_motion(browser, session):
@@ -567,7 +542,6 @@ def test_previews_stand_still_for_who_wants_less_motion(browser, session):
 def test_parts_that_are_listed_for_another_selection_can_not_be_used(browser, session):
     record = session.project.motion("m1").record
     with opened(browser, session) as page:
-        until_figure(page)
         page.locator(".card .preview").first.click()
         page.locator('.lane[data-group="upper"] .block').nth(1).click()
         use = page.locator("table.donors tbody:not([aria-busy]) button:enabled", has_text="Use")

@@ -16,6 +16,7 @@ from mograft.errors import FormatError, MograftError
 from mograft.library.origin import hash_poses
 from mograft.studio.project import read_project
 from mograft.studio.session import Session, StaleRevision
+from tests.exit_codes import exit_code
 
 SPHERE = {"kind": "Sphere", "center": [10.0, 110.0, 20.0], "radius": 15.0}
 AVOID = {"kind": "Avoid", "obstacle": SPHERE, "frames": [20, 90]}
@@ -710,11 +711,7 @@ def test_command_names_what_is_wrong_with_a_project(tmp_path, capsys, words, cod
     places = {name: tmp_path / f"{name}.json" for name in ("missing", "bad")}
     places["bad"].write_text('{"format": "mograft.project/1"}')
     given = words.format(**places, out=tmp_path / "out").split()
-    try:
-        found = main(["graft", *given])
-    except SystemExit as error:  # a mistake in the command line
-        found = error.code
-    assert found == code
+    assert exit_code(["graft", *given]) == code
     assert message in capsys.readouterr().err
     assert sorted(own.name for own in tmp_path.iterdir()) == ["bad.json"]
 

@@ -157,7 +157,7 @@ def test_graft_limits_of_a_short_base_are_those_of_its_library():
 
     def limits(library):
         plan = GraftPlan.build(library, base, None, ())
-        return DefectMeasure(plan.problem, "upper")._jerk_limits(0, len(base))
+        return DefectMeasure(plan.problem, "upper")._least_jerk_limits
 
     alone = limits(library_of_cycles(4))
     assert not np.array_equal(limits(calm), limits(lively))

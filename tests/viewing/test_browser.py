@@ -19,7 +19,7 @@ from mograft.motion import rotations
 from mograft.viewing.figure import ShownConstraint
 from mograft.viewing.report import report_page
 from mograft.viewing.scene import Scene
-from tests.browser import TIMEOUT_MILLISECONDS, open_page, wait_until
+from tests.browser import new_page, open_page, wait_until
 from tests.strategies import HOSTILE_NAMES
 
 DASH = "\N{EN DASH}"
@@ -391,29 +391,22 @@ def test_viewer_hostile_clip_names_run_no_script(browser, tmp_path, has_policy):
 
 
 def test_viewer_without_webgl_shows_stills_and_reason(browser, path):
-    page = browser.new_page(viewport={"width": 1280, "height": 800})
-    messages = []
-    page.on("console", lambda message: messages.append(message.text))
-    page.on("pageerror", lambda error: messages.append(str(error)))
-    page.add_init_script(
-        "const given = HTMLCanvasElement.prototype.getContext;"
-        "HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {"
-        "return kind.startsWith('webgl') ? null : given.call(this, kind, ...rest); };"
-    )
-    page.goto(path.as_uri())
-    page.wait_for_selector("#mograft[data-ready='1']")
-    assert page.locator("[data-part=reason]").is_visible()
-    assert "no WebGL" in page.locator("[data-part=reason]").text_content()
-    before = pixels(page, ".stage")
-    page.evaluate("mograft.seek(60)")
-    after = pixels(page, ".stage")
-    assert (np.abs(after - before).max(axis=-1) > 0.1).mean() > 0.003
-    assert page.locator("[data-part=donors]").count() == 1
-    page.close()
-    assert messages == []
+    with new_page(browser) as page:
+        page.add_init_script(
+            "const given = HTMLCanvasElement.prototype.getContext;"
+            "HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {"
+            "return kind.startsWith('webgl') ? null : given.call(this, kind, ...rest); };"
+        )
+        page.goto(path.as_uri())
+        page.wait_for_selector("#mograft[data-ready='1']")
+        assert page.locator("[data-part=reason]").is_visible()
+        assert "no WebGL" in page.locator("[data-part=reason]").text_content()
+        before = pixels(page, ".stage")
+        page.evaluate("mograft.seek(60)")
+        after = pixels(page, ".stage")
+        assert (np.abs(after - before).max(axis=-1) > 0.1).mean() > 0.003
+        assert page.locator("[data-part=donors]").count() == 1
 
-
-pytestmark = pytest.mark.browser
 
 PINCH = """() => {
   const rows = document.querySelector("[data-part=rows]");
@@ -447,17 +440,12 @@ def notebook(browser, new, tmp_path):
     path = tmp_path / "notebook.html"
     filler = "<div id='text' style='height:3000px'>text</div>"
     path.write_text(f"<!doctype html>{new._repr_html_()}{filler}", encoding="utf-8")
-    page = browser.new_page(viewport={"width": 1000, "height": 800})
-    page.set_default_timeout(TIMEOUT_MILLISECONDS)
-    messages = []
-    page.on("console", lambda message: messages.append(message.text))
-    page.goto(path.as_uri())
-    frame = page.frame_locator("iframe")
-    frame.locator("#mograft[data-ready='1']").wait_for()
-    assert frame.locator(".caption").count() == 2
-    yield page
-    page.close()
-    assert messages == []
+    with new_page(browser, 1000) as page:
+        page.goto(path.as_uri())
+        frame = page.frame_locator("iframe")
+        frame.locator("#mograft[data-ready='1']").wait_for()
+        assert frame.locator(".caption").count() == 2
+        yield page
 
 
 def test_notebook_wheel_scrolls_until_view_has_focus(notebook):

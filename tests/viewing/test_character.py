@@ -3,9 +3,7 @@
 import base64
 import copy
 import io
-import json
 import shutil
-import struct
 import subprocess
 import zlib
 from pathlib import Path
@@ -28,35 +26,20 @@ from mograft.viewing.character import read_character
 from release import three
 from tests import strategies
 from tests.browser import open_page, wait_until
+from tests.io.gltf_scenes import Glb, pack_glb
 from tests.viewing.page_content import page_data
 
 KNIGHT = Path(__file__).parents[3] / "shared" / "data" / "glb" / "kaykit_Knight.glb"
 TYPES = {"f4": "<f4", "u2": "<u2", "u4": "<u4"}
 
 
-def split(path):
-    """Return the document and the binary chunk of a GLB file."""
-    data = path.read_bytes()
-    length = struct.unpack_from("<I", data, 12)[0]
-    return json.loads(data[20 : 20 + length]), data[20 + length :]
-
-
-def join(document, binary, path):
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    size = 20 + len(text) + len(binary)
-    head = struct.pack("<4sII", b"glTF", 2, size) + struct.pack("<I4s", len(text), b"JSON")
-    path.write_bytes(head + text + binary)
-    return path
-
-
 def as_character(motion, path):
     """Write a motion with the bones of mograft under another name, as the mesh of a character."""
     write_glb(motion, path)
-    document, binary = split(path)
-    document["meshes"][0]["name"] = "body"
-    join(document, binary, path)
-    return document, binary
+    glb = Glb(path)
+    glb.document["meshes"][0]["name"] = "body"
+    path.write_bytes(pack_glb(glb.document, glb.binary))
+    return glb.document, glb.binary
 
 
 def arrays_of(found, part):
@@ -117,7 +100,7 @@ def test_view_states_why_a_mesh_is_not_shown(motion, tmp_path, name):
     document, binary = as_character(motion[:5], path)
     assert page_data(view(path, show=False))["clips"][0]["character"] == 0
     CHANGES[name](document)
-    join(document, binary, path)
+    path.write_bytes(pack_glb(document, binary))
     data = page_data(view(path, show=False))
     assert data["characters"] == []
     assert data["clips"][0]["character"] is None
@@ -162,7 +145,7 @@ def test_view_damaged_meshes_never_fail(motion, tmp_path_factory, data):
     places = [primitive(document), document["materials"][0], surface, document["textures"][0]]
     place = data.draw(st.sampled_from([*places, document["images"][0]]))
     place[data.draw(st.sampled_from(sorted(place)))] = data.draw(JSON)
-    join(document, binary, path)
+    path.write_bytes(pack_glb(document, binary))
     found = page_data(view(path, show=False))
     assert (found["clips"][0]["character"] is None) == ("capsules" in found["note"])
 

@@ -28,14 +28,6 @@ from tests.strategies import HOSTILE_NAMES
 from tests.viewing.page_content import Tags, clip_positions, dequantize, page_data
 
 
-def turn_root(motion, turn):
-    """Return a motion that is rotated as a whole by the quaternion `turn`."""
-    quats, places = motion.rotations.copy(), motion.positions.copy()
-    quats[:, 0] = rotations.multiply(np.broadcast_to(turn, quats[:, 0].shape), quats[:, 0])
-    places[:, 0] = rotations.rotate(turn, places[:, 0])
-    return replace(motion, rotations=quats, positions=places, channel_values=None)
-
-
 @given(
     arrays(float, (9, 4), elements=st.floats(-1e6, 1e6)), st.floats(1e-6, 1e3), st.integers(1, 3)
 )
@@ -79,7 +71,7 @@ def test_view_positions_equal_those_of_the_motion(motion, size):
 def test_view_any_up_axis_gives_upright_unmirrored_figure(motion, turn, up):
     short = motion[:40]
     whole = rotations.exp(np.array(turn, float))
-    turned = turn_root(short, whole)
+    turned = strategies.turn_motion(short, whole)
     world = turned.world_positions()
     feet_to_head = world[:, motion.skeleton.index("Head")] - world[:, 3]
     assert int(np.abs(feet_to_head.mean(axis=0)).argmax()) == up
@@ -284,7 +276,7 @@ def test_view_objects_stand_beside_the_figure_for_any_up_axis(motion, turn):
     """Objects that are rotated with the motion have the same place on the page."""
     short = motion[:40]
     whole = rotations.exp(np.array(turn, float))
-    turned = turn_root(short, whole)
+    turned = strategies.turn_motion(short, whole)
 
     def move(position):
         return tuple(rotations.rotate(whole, np.array(position, float)))

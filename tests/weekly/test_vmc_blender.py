@@ -16,6 +16,7 @@ from mograft.dancer import dance
 from mograft.motion import rotations
 from tests.clients import blender
 from tests.oracles import vmc as oracle
+from tests.strategies import transform_motion, turn_motion
 
 RATE, SPEED = 30.0, 10.0
 BONES = {"Hips": "Hips", "Spine": "Spine", "Neck": "Neck", "Head": "Head"}
@@ -34,15 +35,6 @@ def raised_hand(side):
     quats[:, skeleton.index(f"{side}Arm")] = rotations.exp(turns)
     places = np.tile(skeleton.offsets, (31, 1, 1)) + np.eye(1, skeleton.n_joints).T * [0, 95.0, 0]
     return mg.Motion(skeleton, 1 / RATE, quats, places, name=f"{side} hand")
-
-
-def turned(motion, axis, angle):
-    """The motion with other axes: the whole world is turned."""
-    turn = rotations.from_axis_angle(axis, angle)
-    quats, places = motion.rotations.copy(), motion.positions.copy()
-    quats[:, 0] = rotations.multiply(turn, quats[:, 0])
-    places[:, 0] = rotations.rotate(turn, places[:, 0])
-    return mg.Motion(motion.skeleton, motion.frame_time, quats, places, name=motion.name)
 
 
 def received(path):
@@ -98,9 +90,9 @@ def test_hand_that_is_raised_is_the_same_in_blender_and_over_vmc(imported, tmp_p
 @pytest.mark.parametrize("up", ["y", "z"])
 @pytest.mark.parametrize("heading", [0.0, 2.0])
 def test_figure_of_blender_is_the_figure_over_vmc(imported, tmp_path, up, heading):
-    motion = turned(dance(seed=4, strides=1).motion[:300], [0.0, 1.0, 0.0], heading)
+    motion = transform_motion(dance(seed=4, strides=1).motion[:300], yaw=heading)
     if up == "z":
-        motion = turned(motion, [1.0, 0.0, 0.0], np.pi / 2)
+        motion = turn_motion(motion, rotations.exp(np.array([np.pi / 2, 0.0, 0.0])))
     mg.formats.write_npz(motion, tmp_path / "a.npz")
     assert main(["export", str(tmp_path / "a.npz"), "-o", str(tmp_path / "a.glb")]) == 0
     frames = [0, 37, 150, 299]

@@ -11,6 +11,7 @@ import numpy as np
 
 from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, make_read_only, split_by_counts
+from mograft._util.containers import SizedCache
 from mograft.analysis.embedding import Samples
 from mograft.analysis.zero_moment import added_imbalances, zero_moment_operators
 from mograft.config import Config
@@ -50,7 +51,9 @@ class SegmentBalance:
     support_margins: Callable[[IntArray], FloatArray]  # of the whole body
     # The last results of `added_imbalances`, by the hash of the arguments: all grafts on one base
     # evaluate the same candidates.
-    _known: dict[bytes, FloatArray] = field(init=False, default_factory=dict)
+    _known: SizedCache[bytes, FloatArray] = field(
+        init=False, default_factory=lambda: SizedCache(8 * _MAX_KNOWN_PAIRS)
+    )
 
     def added_imbalances(self, base: IntArray, donors: IntArray, seconds: FloatArray) -> FloatArray:
         """Return by how much donors raise the imbalance of base segments, shape (n,).
@@ -71,12 +74,7 @@ class SegmentBalance:
             counts = np.diff(bounds)
             added[batch] = self._compute(base[others[bounds[:-1]]], donors[batch], counts, seconds)
         make_read_only(added)
-        keys = list(self._known)  # other threads may add results
-        self._known[key] = added
-        n_known = sum(map(len, list(self._known.values())))
-        while n_known > _MAX_KNOWN_PAIRS and keys:
-            n_known -= len(self._known.pop(keys.pop(0), ()))
-        return added
+        return self._known.put(key, added, added.nbytes)
 
     def _compute(
         self, bases: IntArray, donors: IntArray, counts: IntArray, seconds: FloatArray
@@ -109,7 +107,9 @@ class SegmentPool:
     balance: SegmentBalance | None = None  # None: all donors keep the balance
     parts: SegmentParts | None = None  # None: no donor is compared with the base part
     # The last results of `candidate_lists`, by the arguments: edits of a graft use the same ones.
-    _known_lists: dict[Any, tuple[IntArray, ...]] = field(init=False, default_factory=dict)
+    _known_lists: SizedCache[Any, tuple[IntArray, ...]] = field(
+        init=False, default_factory=lambda: SizedCache(_MAX_KNOWN_LISTS)
+    )
 
     def neighbours(self, base: IntArray, config: Config) -> list[IntArray]:
         """Return the indices of the segments in the neighbourhood of each base segment.
@@ -161,7 +161,7 @@ class SegmentPool:
             fitting = self._search(positions, config)[1]
             if model is not None:
                 for few in _batches(fitting):
-                    pairs = _pairs(positions[few], fitting[few])
+                    pairs = list_pairs(positions[few], fitting[few])
                     costs = self.preselection_costs(*pairs, model)
                     fitting[few], _ = model.keep_cheapest_of_each(
                         positions[few], fitting[few], costs, PRESELECTION
@@ -170,9 +170,7 @@ class SegmentPool:
         for own in lists:
             make_read_only(own)
         if sum(map(len, lists)) <= _MAX_KNOWN_PAIRS // _MAX_KNOWN_LISTS:
-            while len(self._known_lists) >= _MAX_KNOWN_LISTS:
-                self._known_lists.pop(next(iter(list(self._known_lists))), None)
-            self._known_lists[key] = tuple(lists)
+            self._known_lists.put(key, tuple(lists), 1)
         return lists
 
     def _keep_fitting(
@@ -185,7 +183,7 @@ class SegmentPool:
         found: list[IntArray] = []
         lengths = self.segments.lengths
         for own in _batches(members):
-            base, donors = _pairs(positions[own], members[own])
+            base, donors = list_pairs(positions[own], members[own])
             fits = length_fits(lengths[base], lengths[donors], self.rate, config)
             fits &= self.is_donor[donors]
             fits[fits] = ~self.are_copies(base[fits], donors[fits])
@@ -375,6 +373,6 @@ def _batches(lists: Sequence[IntArray]) -> list[slice]:
     return [slice(low, high) for low, high in pairwise([0, *cuts, len(lists)]) if low < high]
 
 
-def _pairs(positions: IntArray, lists: Sequence[IntArray]) -> tuple[IntArray, IntArray]:
+def list_pairs(positions: IntArray, lists: Sequence[IntArray]) -> tuple[IntArray, IntArray]:
     """Return the base segment and the donor of each item of the lists, one list after the other."""
     return np.repeat(positions, list(map(len, lists))), np.concatenate(lists)

@@ -14,7 +14,7 @@ import numpy as np
 from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.search.costs import PRESELECTION, CostModel
-from mograft.search.segment_pool import POSITIONS_PER_BATCH, SegmentPool
+from mograft.search.segment_pool import POSITIONS_PER_BATCH, SegmentPool, list_pairs
 
 _N_SEGMENT_BITS = 32
 _SEGMENT_BITS = (1 << _N_SEGMENT_BITS) - 1
@@ -291,13 +291,9 @@ def _keep_cheapest(
     constraint_costs: Sequence[FloatArray] | None,
 ) -> tuple[list[IntArray], list[FloatArray]]:
     """Return the cheapest candidates of some positions and their costs; see `DonorTrellis`."""
-
-    def pair(lists: Sequence[IntArray]) -> tuple[IntArray, IntArray]:
-        return np.repeat(scenario, [len(own) for own in lists]), np.concatenate(lists)
-
-    costs = pool.preselection_costs(*pair(candidates), model)
+    costs = pool.preselection_costs(*list_pairs(scenario, candidates), model)
     if constraint_costs is not None:
         costs = costs + np.concatenate(constraint_costs)
     kept, unary = model.keep_cheapest_of_each(scenario, candidates, costs, PRESELECTION)
-    costs = np.concatenate(unary) + pool.further_costs(*pair(kept), model)
+    costs = np.concatenate(unary) + pool.further_costs(*list_pairs(scenario, kept), model)
     return model.keep_cheapest_of_each(scenario, kept, costs)

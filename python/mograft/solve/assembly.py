@@ -118,8 +118,6 @@ def donor_excess(problem: SearchProblem, donors: DonorSequences) -> dict[str, Fl
     The result has an array of shape (n_frames,) for each group: max(0, greatest violation amount
     - 1) in each frame.
     """
-    if not any(own.is_hard for own in problem.pose_constraints):
-        return {group: np.zeros(problem.base.n_frames) for group in problem.driven_joints}
     excesses = donor_excesses(problem, [donors], 0, len(problem.base_segments))
     return {group: own[0] for group, own in excesses.items()}
 
@@ -132,10 +130,13 @@ def donor_excesses(
     For every group the result has an array of shape (n_alternatives, n_frames). The frames are
     those from the first frame of position `first` to the last frame of position `stop` - 1.
     """
+    segments = problem.base_segments
+    if not any(own.is_hard for own in problem.pose_constraints):
+        n_frames = int(segments.stop[stop - 1] - segments.start[first]) + 1
+        return {g: np.zeros((len(alternatives), n_frames)) for g in problem.driven_joints}
     if problem.root_group is not None and len(alternatives) > 1:
         each = [donor_excesses(problem, [donors], first, stop) for donors in alternatives]
         return {group: np.concatenate([own[group] for own in each]) for group in problem.pools}
-    segments = problem.base_segments
     low, high = _seam_range(problem, first, stop)
     motion = assemble_excerpts(problem, [Excerpt(donors, low, high) for donors in alternatives])
     begin, end = int(segments.start[low]), int(segments.stop[high - 1])

@@ -10,7 +10,7 @@ from mograft.errors import join_names
 from mograft.library.library import Library
 from mograft.search.candidates import Candidates, ConstraintVerdicts, list_candidates
 from mograft.search.constraints import Constraint
-from mograft.search.costs import ConstraintViolations, infeasible_costs, origin_violations
+from mograft.search.costs import ConstraintViolations, infeasible_costs
 from mograft.search.donor_choice import cost_model
 from mograft.search.donor_constraints import limit_config
 from mograft.solve.donor_trellis import candidate_poses, pose_amounts
@@ -84,14 +84,7 @@ def judge_candidates(
     neighbours = problem.pools[group].neighbours(np.array([segment]), problem.config)[0]
     members = np.union1d(neighbours, used)
     positions = np.full(len(members), position)
-    origin = origin_violations(
-        problem.constraints,
-        group,
-        library.segments[scenario[positions]],
-        library.segments[members],
-        base_segments[positions],
-        library.entries,
-    )
+    origin = problem.origin_amounts(problem.constraints, group, positions, members)
     poses = candidate_poses(problem, group, positions, members)
     pose = pose_amounts(problem, group, positions, poses, problem.constraints)
     by_origin, by_pose = (

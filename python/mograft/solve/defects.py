@@ -176,7 +176,8 @@ class DefectMeasure:
             # A third difference reaches from one step before to two behind.
             jerk[: max(begin + step - first, 0)] = 0.0
             jerk[max(max(stop - 2 * step, begin + step) - first, 0) :] = 0.0
-            limits, starts = self._jerk_limits(first, end), own[:-1] - first
+            captured = self._clip_jerk(self.problem.base)[first:end]
+            limits, starts = np.maximum(self._least_jerk_limits, captured), own[:-1] - first
             block = slice(start, start + len(starts))
             amounts[block] = _greatest_ratios(jerk, limits, starts) * is_near[block]
             # Most positions are within the limits by the base alone.
@@ -247,15 +248,6 @@ class DefectMeasure:
     def _floor_points(self) -> "FloorPoints":
         """The points whose depth is measured."""
         return FloorPoints.of_group(self.problem, self.group)
-
-    def _jerk_limits(self, start: int, stop: int) -> FloatArray:
-        """Return the limits of world jerk that follow from the base, shape (n_frames, n_joints).
-
-        The limit in a frame is the world jerk of the base, or the limit of the joint if that is
-        greater.
-        """
-        jerk = self._clip_jerk(self.problem.base)
-        return np.maximum(self._least_jerk_limits, jerk[start:stop])
 
     @cached_property
     def _least_jerk_limits(self) -> FloatArray:

@@ -83,23 +83,9 @@ def repair_donors(
     local = {group: own for group, own in trellises.items() if group != problem.root_group}
     if not local:
         return chosen
-    penalties = {
-        group: [np.zeros(len(own)) for own in trellis.candidates]
-        for group, trellis in local.items()
-    }
-    least, best = np.inf, chosen
-    for _ in range(_MAX_ROUNDS):
-        check_cancelled()
-        excess = donor_excess(problem, chosen)
-        total = sum(float(own.sum()) for own in excess.values())
-        if total < least:
-            least, best = total, dict(chosen)
-        if total == 0:
-            return best
-        for group, trellis in local.items():
-            worst = problem.greatest_at_positions(excess[group])
-            chosen[group] = search_again(trellis, penalties[group], chosen[group], worst)
-    return _try_sequences(problem, best, local)
+    whole = 0, len(problem.base_segments)
+    best, least = _search_repeatedly(problem, chosen, local, _MAX_ROUNDS, *whole)
+    return best if least == 0 else _try_sequences(problem, best, local)
 
 
 def repair_near(
@@ -114,13 +100,30 @@ def repair_near(
     Violations count in the positions `first` to `stop` - 1. No group may contain the root. This
     takes a tenth of the time of `repair_donors`, and satisfies the constraints less often.
     """
+    return _search_repeatedly(problem, donors, trellises, _MAX_ROUNDS_NEAR, first, stop)[0]
+
+
+def _search_repeatedly(
+    problem: SearchProblem,
+    donors: DonorSequences,
+    trellises: Mapping[str, DonorTrellis],
+    n_rounds: int,
+    first: int,
+    stop: int,
+) -> tuple[DonorSequences, float]:
+    """Penalise the donors at violations and search again, until there are none or for `n_rounds`.
+
+    Return the sequences with the smallest total violation in the positions `first` to `stop` - 1,
+    and this violation; ties go to the first.
+    """
     chosen = dict(donors)
     penalties = {
         group: [np.zeros(len(own)) for own in trellis.candidates]
         for group, trellis in trellises.items()
     }
     least, best = np.inf, chosen
-    for _ in range(_MAX_ROUNDS_NEAR):
+    begin, end = problem.base_segments.start[first], problem.base_segments.stop[stop - 1]
+    for _ in range(n_rounds):
         check_cancelled()
         excess = donor_excesses(problem, [chosen], first, stop)
         total = sum(float(own.sum()) for own in excess.values())
@@ -128,13 +131,12 @@ def repair_near(
             least, best = total, dict(chosen)
         if total == 0:
             break
-        begin, end = problem.base_segments.start[first], problem.base_segments.stop[stop - 1]
         for group, trellis in trellises.items():
             frames = np.zeros(problem.base.n_frames)
             frames[begin : end + 1] = excess[group][0]
             worst = problem.greatest_at_positions(frames)
             chosen[group] = search_again(trellis, penalties[group], chosen[group], worst)
-    return best
+    return best, least
 
 
 def replace_unlisted(donors: IntArray, trellis: DonorTrellis) -> IntArray:
@@ -171,10 +173,7 @@ def search_again(
         penalties[position][path[position]] += INFEASIBLE_PENALTY * (1.0 + excess[position])
     for start, stop in find_runs(dilate(violated)).tolist():
         costs = trellis.costs.slice_within(path, start, stop)
-        if limit_factor != 1.0:
-            costs = costs.map_costs(
-                lambda own: np.where(is_infeasible(own), limit_factor * own, own)
-            )
+        costs = costs.map_costs(lambda own: np.where(is_infeasible(own), limit_factor * own, own))
         path[start:stop] = viterbi(costs.add_unary(penalties[start:stop]))
     return trellis.donor_sequence(path)
 
@@ -200,7 +199,10 @@ def _try_sequences(
             ]
             if not windows:
                 break
-            amounts = _kept_amounts(problem, group, chosen, trellis)
+            found = candidate_violations(problem, group, chosen)
+            listed = zip(found, problem.candidates[group], trellis.candidates, strict=True)
+            # By how much the candidates of the trellis violate hard constraints, at each position.
+            amounts = [own.hard[np.searchsorted(every, kept)] for own, every, kept in listed]
             for start, stop in windows:
                 first, last, trials = list_trials(
                     trellis, amounts, trellis.path(chosen[group]), start, stop
@@ -265,15 +267,6 @@ _TRIALS = (
     (0, _trials_between_base_segments),
     (1, _trials_between_base_segments),
 )
-
-
-def _kept_amounts(
-    problem: SearchProblem, group: str, chosen: DonorSequences, trellis: DonorTrellis
-) -> list[FloatArray]:
-    """Return, for each position, by how much candidates of a trellis violate hard constraints."""
-    found = candidate_violations(problem, group, chosen)
-    listed = zip(found, problem.candidates[group], trellis.candidates, strict=True)
-    return [own.hard[np.searchsorted(everyone, kept)] for own, everyone, kept in listed]
 
 
 def _least_violating(

@@ -21,7 +21,7 @@ from mograft.search.constraints import (
     find_violations,
     overlaps,
 )
-from mograft.search.costs import excess, origin_violations
+from mograft.search.costs import excess
 from mograft.search.donor_constraints import KeepOriginal, OnlyFrom, find_seam_violations
 from mograft.search.figure_position import FigurePosition
 from mograft.search.pose_constraints import Avoid, Face, KeepOut, Reach
@@ -214,17 +214,13 @@ def _excluded_donors(
     problem: SearchProblem, constraint: Constraint, group: str, sequence: IntArray
 ) -> Iterator[Violation]:
     """Yield one violation for each position whose donor is excluded by the constraint."""
-    segments, frames = problem.library.segments, problem.base_segments
-    base, clips = segments[problem.scenario], problem.library.entries
-    (amounts,) = origin_violations([constraint], group, base, segments[sequence], frames, clips)
+    frames = problem.base_segments
+    (amounts,) = problem.origin_amounts([constraint], group, slice(None), sequence)
     for position in np.flatnonzero(amounts > 1.0).tolist():
-        span, amount = (
-            (int(frames.start[position]), int(frames.stop[position])),
-            float(amounts[position]),
-        )
-        description = constraint.describe_error(amount, problem.base_poses.height)
+        span, amount = (int(frames.start[position]), int(frames.stop[position])), amounts[position]
+        description = constraint.describe_error(float(amount), problem.base_poses.height)
         description += f"; no donor of {group} satisfies all constraints"
-        yield build_violation(constraint, span, amount, description)
+        yield build_violation(constraint, span, float(amount), description)
 
 
 def _unsatisfiable(problem: SearchProblem, constraint: OnlyFrom) -> Iterator[Violation]:

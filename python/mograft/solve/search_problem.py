@@ -369,12 +369,8 @@ class SearchProblem:
 
     def count_alternatives(self, group: str) -> IntArray:
         """Return how many candidates other than the base segment each position has."""
-        lists = self.candidates[group]
-        counts = np.array([len(own) for own in lists], np.int64)
-        others = np.concatenate(lists) != np.repeat(self.scenario, counts)
-        stops = np.cumsum(counts)
-        n_others = np.append(0, np.cumsum(others))
-        return n_others[stops] - n_others[stops - counts]
+        pairs = zip(self.candidates[group], self.scenario, strict=True)
+        return np.array([np.count_nonzero(own != base) for own, base in pairs], np.int64)
 
     def positions_with(self, excess: FloatArray) -> BoolArray:
         """Return whether each position has a frame in which `excess` is above 0.
@@ -408,16 +404,21 @@ class SearchProblem:
 
     def _origin_violations(self, group: str) -> list[ConstraintViolations]:
         """Return for each position how far candidates violate constraints on clips and lengths."""
-        lists, segments = self.candidates[group], self.library.segments
+        lists = self.candidates[group]
         counts = [len(own) for own in lists]
         positions, donors = np.repeat(np.arange(len(lists)), counts), np.concatenate(lists)
-        amounts = origin_violations(
-            self.constraints,
-            group,
-            segments[self.scenario[positions]],
-            segments[donors],
-            self.base_segments[positions],
-            self.library.entries,
-        )
+        amounts = self.origin_amounts(self.constraints, group, positions, donors)
         found = ConstraintViolations.from_amounts(self.constraints, amounts, len(donors))
         return found.split(counts)
+
+    def origin_amounts(
+        self,
+        constraints: Sequence[Constraint],
+        group: str,
+        positions: IntArray | slice,
+        donors: IntArray,
+    ) -> list[FloatArray]:
+        """Return the `origin_violations` of donors of a group, one at each of `positions`."""
+        segments = self.library.segments
+        base = segments[self.scenario[positions]], segments[donors], self.base_segments[positions]
+        return origin_violations(constraints, group, *base, self.library.entries)

@@ -12,6 +12,7 @@ import numpy as np
 
 from mograft import LibraryError, write_bvh
 from mograft.dancer import dance
+from tests.exit_codes import exit_code
 from tests.weekly.attack import faults, write_paths
 from tests.weekly.attack.lost_writes import Disk
 
@@ -50,7 +51,7 @@ class Attack:
     def _run_here(self, words):
         texts = io.StringIO()
         with contextlib.redirect_stdout(texts), contextlib.redirect_stderr(texts):
-            assert faults.run_command(self._fill(words)) == 0, texts.getvalue()
+            assert exit_code(self._fill(words)) == 0, texts.getvalue()
 
     def run(self, *fault, **options):
         """Run the command from its old state; see `faults.run`."""

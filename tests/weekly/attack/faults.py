@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import pytest
 
-from mograft.cli import main
+from tests.exit_codes import exit_code
 
 _SOURCE = Path(__file__).with_name("io_faults.c")
 _MODES = ("none", "fail once", "fail from", "kill", "full")
@@ -57,14 +57,6 @@ def start(words):
         return subprocess.run(command, env=environment, text=True, capture_output=True, check=False)
 
 
-def run_command(words):
-    """Return the exit code of ``mograft`` with these arguments."""
-    try:
-        return main(words)
-    except SystemExit as error:
-        return error.code if isinstance(error.code, int) else 1
-
-
 def run(words, root, mode="none", at=0, *, errno=5, seconds=None):
     """Run ``mograft`` with `words` in a fork; calls on paths in the folder `root` can fail.
 
@@ -85,7 +77,7 @@ def run(words, root, mode="none", at=0, *, errno=5, seconds=None):
                 fault = (_MODES.index(mode), ctypes.c_long(at), errno)
                 arm = ctypes.CDLL(os.environ["LD_PRELOAD"]).faults_arm
                 arm(os.fsencode(root), *fault, log.fileno(), ctypes.byref(counters))
-                code = run_command(words)
+                code = exit_code(words)
             except BaseException:  # reported like a traceback of the command
                 traceback.print_exc()
             with contextlib.suppress(OSError):
