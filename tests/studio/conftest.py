@@ -28,18 +28,24 @@ def known_libraries():
     return {}
 
 
+def build_once(known):
+    """Return a function that builds the library of a project, or takes it from a dict."""
+    build = sources.build
+
+    def build_unknown(project, progress):
+        key = sources.library_key(project)
+        if key not in known:
+            known[key] = build(project, progress)
+        return known[key]
+
+    return build_unknown
+
+
 @pytest.fixture
 def make_session(dances, known_libraries, tmp_path, monkeypatch):
     """Return a function that opens a session on the dances, or on a project."""
-    build, opened = sources.build, []
-
-    def build_once(project, progress):
-        key = sources.library_key(project)
-        if key not in known_libraries:
-            known_libraries[key] = build(project, progress)
-        return known_libraries[key]
-
-    monkeypatch.setattr(sources, "build", build_once)
+    opened = []
+    monkeypatch.setattr(sources, "build", build_once(known_libraries))
 
     def make(paths=("one.bvh", "two.bvh"), project=None, folder=tmp_path):
         session = Session(folder, project)
