@@ -8,6 +8,7 @@ import mograft as mg
 from mograft.dancer import dance
 from mograft.studio import sources
 from mograft.studio.session import Session
+from tests.browser import chromium
 
 N_FRAMES = 300
 
@@ -26,6 +27,13 @@ def dances(tmp_path_factory):
 def known_libraries():
     """Return libraries of inputs, so that sessions need not build the same one again."""
     return {}
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A headless Chromium."""
+    with chromium() as found:
+        yield found
 
 
 def build_once(known):
