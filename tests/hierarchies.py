@@ -62,6 +62,11 @@ def with_names(skeleton, name):
     return replace(skeleton, names=tuple(name(*own) for own in enumerate(skeleton.names)))
 
 
+def without_names(skeleton):
+    """Return the skeleton with names that say nothing."""
+    return with_names(skeleton, lambda joint, _: f"j{joint}")
+
+
 def _under_joint(motion, name, offsets, path):
     """Return the motion below a joint that moves along a path; world positions stay."""
     below = Skeleton(
@@ -197,10 +202,19 @@ def distinct_recordings():
     return sorted(paths.values())
 
 
+def clip_name(path):
+    """Return the folder and the stem of a recording."""
+    return f"{path.parent.name}/{path.stem}"
+
+
+def each_recording():
+    """The mark of tests of `path`: one file per distinct hierarchy of the recordings."""
+    return pytest.mark.parametrize("path", distinct_recordings(), ids=clip_name)
+
+
 def mark_repeated_hierarchies(paths):
     """Return test parameters for files; of each hierarchy, all but one need `--thorough`."""
     firsts = set(distinct_recordings())
     return [
-        path if path in firsts or path is None else pytest.param(path, marks=pytest.mark.thorough)
-        for path in paths
+        path if path in firsts else pytest.param(path, marks=pytest.mark.thorough) for path in paths
     ]

@@ -22,7 +22,7 @@ from mograft.dancer import dance
 from mograft.library.build import spread_evenly
 from mograft.motion import rotations
 from tests.hierarchies import DATA, human
-from tests.strategies import SEEDS, few_examples, person
+from tests.strategies import SEEDS, few_examples, person, turn_motion
 
 CHAINS = {
     "base": "Hips LeftHip LeftKnee LeftAnkle RightHip RightKnee RightAnkle",
@@ -288,8 +288,8 @@ TURNS = [("X", np.pi), ("Z", np.pi), ("X", -np.pi / 2), ("X", np.pi / 2), ("Z", 
 def test_support_shares_do_not_depend_on_the_up_direction(turn, turns_rest_pose):
     turn = rotations.from_axis_angle(np.eye(3)["XYZ".index(turn[0])], np.array(turn[1]))
     motion = dance(strides=1).motion
-    skeleton, quats = motion.skeleton, motion.rotations.copy()
     if turns_rest_pose:
+        skeleton, quats = motion.skeleton, motion.rotations
         offsets = rotations.rotate(turn, skeleton.offsets)
         sites = tuple(
             replace(site, offset=rotations.rotate(turn, site.offset)) for site in skeleton.end_sites
@@ -297,11 +297,9 @@ def test_support_shares_do_not_depend_on_the_up_direction(turn, turns_rest_pose)
         skeleton = replace(skeleton, offsets=offsets, end_sites=sites)
         quats = rotations.multiply(rotations.multiply(turn, quats), rotations.inverse(turn))
         positions = rotations.rotate(turn, motion.positions)
+        turned = Motion(skeleton, motion.frame_time, quats, positions)
     else:
-        positions = motion.positions.copy()
-        quats[:, 0] = rotations.multiply(turn, quats[:, 0])
-        positions[:, 0] = rotations.rotate(turn, positions[:, 0])
-    turned = Motion(skeleton, motion.frame_time, rotations.continuous_signs(quats), positions)
+        turned = turn_motion(motion, turn)
     np.testing.assert_allclose(support_shares(turned), support_shares(motion), atol=0.01)
 
 

@@ -23,11 +23,10 @@ from mograft.body.support_polygon import support_polygons
 from mograft.dancer import dance
 from mograft.evaluation.balance import dynamic_balance
 from mograft.motion import rotations
-from mograft.motion.motion import Motion
-from mograft.motion.skeleton import Skeleton
+from tests.hierarchies import with_joint_above_root
 from tests.oracles import balance as balance_oracle
 from tests.oracles import search as oracle
-from tests.strategies import SEEDS, few_examples
+from tests.strategies import SEEDS, few_examples, turn_motion
 from tests.strategies import transform_motion as move
 
 SHIFT = (100.0, 0.0, -30.0)
@@ -86,10 +85,7 @@ def test_zero_moment_points_of_rotated_world_are_rotated(motion, turn):
     """Each axis, positive and negative, points up in one of the rotated worlds."""
     axis, quarters = turn
     world = rotations.exp(0.5 * np.pi * quarters * np.eye(3)[axis])
-    quats, positions = motion.rotations.copy(), motion.positions.copy()
-    quats[:, 0] = rotations.multiply(world, quats[:, 0])
-    positions[:, 0] = rotations.rotate(world, positions[:, 0])
-    other = replace(motion, rotations=quats, positions=positions, channel_values=None)
+    other = turn_motion(motion, world)
     ground, turned = Ground.of(motion), Ground.of(other)
     np.testing.assert_allclose(turned.up, rotations.rotate(world, ground.up), atol=1e-12)
     up = int(np.abs(turned.up).argmax())
@@ -155,18 +151,15 @@ def test_mass_offsets_of_disjoint_groups_add_up(motion):
 
 
 def test_mass_offsets_do_not_depend_on_a_joint_above_the_root(motion):
-    known, n = motion.skeleton, motion.n_frames
-    plain = Skeleton(known.names, known.parents, known.offsets)
-    offsets = np.concatenate([np.zeros((1, 3)), known.offsets])
+    below = with_joint_above_root(motion, 0.0)
+    offsets, quats = below.skeleton.offsets.copy(), below.rotations.copy()
     offsets[1] = [7.0, 0.0, 3.0]
-    skeleton = Skeleton(("World", *known.names), [-1, *(known.parents + 1)], offsets)
-    angles = np.linspace(0.0, 2.0, n)
-    turns = rotations.from_axis_angle([1.0, 0.0, 0.0], angles)[:, None]
-    quats = np.concatenate([turns, motion.rotations], axis=1)
-    quats[:, 1:2] = rotations.multiply(rotations.inverse(turns), motion.rotations[:, :1])
-    positions = np.broadcast_to(offsets, (n, len(offsets), 3))
-    below = Motion(skeleton, motion.frame_time, quats, positions)
-    by_itself = Motion(plain, motion.frame_time, motion.rotations, motion.positions)
+    angles = np.linspace(0.0, 2.0, motion.n_frames)
+    quats[:, 0] = rotations.from_axis_angle([1.0, 0.0, 0.0], angles)
+    quats[:, 1] = rotations.multiply(rotations.inverse(quats[:, 0]), quats[:, 1])
+    positions = np.broadcast_to(offsets, below.positions.shape)
+    skeleton = below.skeleton.with_offsets(offsets)
+    below = replace(below, skeleton=skeleton, rotations=quats, positions=positions)
     joints = np.arange(5, motion.n_joints)
-    expected = sampled_offsets(by_itself, joints)
+    expected = sampled_offsets(motion, joints)
     np.testing.assert_allclose(sampled_offsets(below, joints + 1, root=1), expected, atol=1e-9)

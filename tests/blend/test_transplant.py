@@ -148,25 +148,6 @@ def test_displacement_closes_every_gap_half_way(lengths, seed):
         np.testing.assert_allclose(part.positions[cut.stop[i], 0], places.mean(axis=0), atol=1e-9)
 
 
-@pytest.mark.parametrize("seam", tuple(SEAM_TREATMENTS))
-def test_transplant_equal_poses_at_seam_change_nothing(seam):
-    """Equal segments that are not neighbours: no gap at the seam."""
-    cut = tile_segments(np.array([10, 10, 10]))
-    base = random_star_clip(np.random.default_rng(0), cut)
-    still = replace(base, rotations=np.tile(rotations.IDENTITY, (31, 4, 1)), channel_values=None)
-    part = transplant(still, cut, cut[np.array([0, 2, 1])], [still], GROUP, Config(seam=seam))
-    # Up to the rounding of leans.
-    np.testing.assert_allclose(part.rotations, still.rotations[:, JOINTS], rtol=0, atol=1e-15)
-
-
-def test_transplant_stretched_neighbours_keep_shared_pose():
-    cut = tile_segments(np.array([10, 10, 8, 8]))
-    base = random_star_clip(np.random.default_rng(1), cut)
-    config, donors = Config(seam="displacement", torso="pelvis"), cut[np.array([2, 3, 2, 3])]
-    part = transplant(base, cut, donors, [base], GROUP, config)
-    np.testing.assert_array_equal(part.rotations[10], base.rotations[28][JOINTS])
-
-
 @few_examples(40)
 @given(SEGMENT_LENGTHS, SEEDS)
 def test_transplant_constant_translations_keep_bone_lengths_of_base(lengths, seed):

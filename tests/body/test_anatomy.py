@@ -1,6 +1,7 @@
 """Properties of body parts and sides of joints, and tables of naming schemes."""
 
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,8 +12,7 @@ from mograft import Skeleton
 from mograft.body.anatomy import anatomy, feature_joints
 from mograft.body.joint_names import ARM, LEG, PARTS
 from tests.hierarchies import (
-    DATA,
-    distinct_recordings,
+    each_recording,
     human,
     orders,
     read_hierarchy,
@@ -20,183 +20,154 @@ from tests.hierarchies import (
     skeletons,
     with_names,
     with_order,
+    without_names,
 )
 from tests.strategies import few_examples
 
-LIMBS = {"left": ("Left", "L", "l", "_L", ".L"), "right": ("Right", "R", "r", "_R", ".R")}
-# `{Side}`, `{S}`, `{s}`, `{_S}` and `{.S}` stand for each side in turn.
+MARKS = ("%Side", "%side", "%S", "%s", "%_S", "%.S")
+LIMBS = {
+    "left": ("Left", "left", "L", "l", "_L", ".L"),
+    "right": ("Right", "right", "R", "r", "_R", ".R"),
+}
+# The marks stand for each side in turn; a joint with a mark is doubled, with all below it.
 SCHEMES = {
     "motionbuilder": "Hips=pelvis {Spine=trunk > Spine1=trunk {Neck=neck > Head=head"
-    " | {Side}Shoulder=clavicle > {Side}Arm=upper_arm > {Side}ForeArm=forearm > {Side}Hand=hand"
-    " {{Side}HandThumb1=finger | {Side}InHandIndex=finger > {Side}HandIndex1=finger}"
-    " | }| {Side}UpLeg=thigh > {Side}Leg=shank > {Side}Foot=foot > {Side}ToeBase=toe}",
+    " | %SideShoulder=clavicle > %SideArm=upper_arm > %SideForeArm=forearm > %SideHand=hand"
+    " {%SideHandThumb1=finger | %SideInHandIndex=finger > %SideHandIndex1=finger}"
+    " | }| %SideUpLeg=thigh > %SideLeg=shank > %SideFoot=foot > %SideToeBase=toe}",
     "mixamo": "mixamorig:Hips=pelvis {mixamorig:Spine=trunk {mixamorig:Neck=neck >"
-    " mixamorig:Head=head {mixamorig:HeadTop_End=head | mixamorig:{Side}Eye=head}"
-    " | mixamorig:{Side}Shoulder=clavicle > mixamorig:{Side}Arm=upper_arm >"
-    " mixamorig:{Side}ForeArm=forearm > mixamorig:{Side}Hand=hand}"
-    " | mixamorig:{Side}UpLeg=thigh > mixamorig:{Side}Leg=shank > mixamorig:{Side}Foot=foot}",
+    " mixamorig:Head=head {mixamorig:HeadTop_End=head | mixamorig:%SideEye=head}"
+    " | mixamorig:%SideShoulder=clavicle > mixamorig:%SideArm=upper_arm >"
+    " mixamorig:%SideForeArm=forearm > mixamorig:%SideHand=hand}"
+    " | mixamorig:%SideUpLeg=thigh > mixamorig:%SideLeg=shank > mixamorig:%SideFoot=foot}",
     "mixamo without colon": "mixamorigHips=pelvis {mixamorigSpine=trunk > mixamorigHead=head"
-    " | mixamorig{Side}UpLeg=thigh > mixamorig{Side}Leg=shank"
-    " | mixamorig{Side}Arm=upper_arm > mixamorig{Side}ForeArm=forearm}",
-    "cmu": "Hips=pelvis {{S}HipJoint=pelvis > {Side}UpLeg=thigh > {Side}Leg=shank >"
-    " {Side}Foot=foot > {Side}ToeBase=toe | LowerBack=trunk > Spine=trunk {Neck=neck >"
-    " Neck1=neck > Head=head | {Side}Shoulder=clavicle > {Side}Arm=upper_arm >"
-    " {Side}ForeArm=forearm > {Side}Hand=hand"
-    " {{Side}FingerBase=finger > {Side}HandIndex1=finger | {S}Thumb=finger}}}",
-    "cmu asf": "root=pelvis {{s}hipjoint=pelvis > {s}femur=thigh > {s}tibia=shank > {s}foot=foot >"
-    " {s}toes=toe | lowerback=trunk > upperback=trunk > thorax=trunk {lowerneck=neck >"
-    " upperneck=neck > head=head | {s}clavicle=clavicle > {s}humerus=upper_arm >"
-    " {s}radius=forearm > {s}wrist=hand > {s}hand=hand {{s}fingers=finger | {s}thumb=finger}}}",
-    "cmu for 3ds max": "Hips=pelvis {{S}HipJoint=pelvis > {Side}Hip=thigh > {Side}Knee=shank >"
-    " {Side}Ankle=foot > {Side}Toe=toe | lowerback=trunk > Chest=trunk {lowerneck=neck > Head=head"
-    " | {Side}Collar=clavicle > {Side}Shoulder=upper_arm > {Side}Elbow=forearm >"
-    " {Side}Wrist=hand > {s}hand=hand > {S}Fingers=finger}}",
-    "biped": "Bip01=other > Bip01 Pelvis=pelvis > Bip01 Spine=pelvis {Bip01 {S} Thigh=thigh >"
-    " Bip01 {S} Calf=shank > Bip01 {S} Foot=foot > Bip01 {S} Toe0=toe"
+    " | mixamorig%SideUpLeg=thigh > mixamorig%SideLeg=shank"
+    " | mixamorig%SideArm=upper_arm > mixamorig%SideForeArm=forearm}",
+    "cmu": "Hips=pelvis {%SHipJoint=pelvis > %SideUpLeg=thigh > %SideLeg=shank >"
+    " %SideFoot=foot > %SideToeBase=toe | LowerBack=trunk > Spine=trunk {Neck=neck >"
+    " Neck1=neck > Head=head | %SideShoulder=clavicle > %SideArm=upper_arm >"
+    " %SideForeArm=forearm > %SideHand=hand"
+    " {%SideFingerBase=finger > %SideHandIndex1=finger | %SThumb=finger}}}",
+    "cmu asf": "root=pelvis {%shipjoint=pelvis > %sfemur=thigh > %stibia=shank > %sfoot=foot >"
+    " %stoes=toe | lowerback=trunk > upperback=trunk > thorax=trunk {lowerneck=neck >"
+    " upperneck=neck > head=head | %sclavicle=clavicle > %shumerus=upper_arm >"
+    " %sradius=forearm > %swrist=hand > %shand=hand {%sfingers=finger | %sthumb=finger}}}",
+    "cmu for 3ds max": "Hips=pelvis {%SHipJoint=pelvis > %SideHip=thigh > %SideKnee=shank >"
+    " %SideAnkle=foot > %SideToe=toe | lowerback=trunk > Chest=trunk {lowerneck=neck > Head=head"
+    " | %SideCollar=clavicle > %SideShoulder=upper_arm > %SideElbow=forearm >"
+    " %SideWrist=hand > %shand=hand > %SFingers=finger}}",
+    "biped": "Bip01=other > Bip01 Pelvis=pelvis > Bip01 Spine=pelvis {Bip01 %S Thigh=thigh >"
+    " Bip01 %S Calf=shank > Bip01 %S Foot=foot > Bip01 %S Toe0=toe"
     " | Bip01 Spine1=trunk > Bip01 Neck=neck {Bip01 Head=head"
-    " | Bip01 {S} Clavicle=clavicle > Bip01 {S} UpperArm=upper_arm > Bip01 {S} Forearm=forearm"
-    " {Bip01 {S} ForeTwist=forearm | Bip01 {S} Hand=hand > Bip01 {S} Finger0=finger}}}",
+    " | Bip01 %S Clavicle=clavicle > Bip01 %S UpperArm=upper_arm > Bip01 %S Forearm=forearm"
+    " {Bip01 %S ForeTwist=forearm | Bip01 %S Hand=hand > Bip01 %S Finger0=finger}}}",
     "bandai": "joint_Root=other > Hips=pelvis {Spine=trunk > Chest=trunk {Neck=neck > Head=head"
-    " | Shoulder{_S}=clavicle > UpperArm{_S}=upper_arm > LowerArm{_S}=forearm > Hand{_S}=hand}"
-    " | UpperLeg{_S}=thigh > LowerLeg{_S}=shank > Foot{_S}=foot > Toes{_S}=toe}",
+    " | Shoulder%_S=clavicle > UpperArm%_S=upper_arm > LowerArm%_S=forearm > Hand%_S=hand}"
+    " | UpperLeg%_S=thigh > LowerLeg%_S=shank > Foot%_S=foot > Toes%_S=toe}",
     "biovision": "Hips=pelvis {Chest=trunk > Chest4=trunk {Neck=neck > Head=head"
-    " | {Side}Collar=clavicle > {Side}Shoulder=upper_arm > {Side}Elbow=forearm > {Side}Wrist=hand}"
-    " | {Side}Hip=thigh > {Side}Knee=shank > {Side}Ankle=foot > {Side}Toe=toe}",
-    "poser": "hip=pelvis {abdomen=trunk > chest=trunk {neck=neck > head=head > {side}Eye=head"
-    " | {s}Collar=clavicle > {s}Shldr=upper_arm > {s}ForeArm=forearm > {s}Hand=hand"
-    " {{s}Thumb1=finger | {s}Mid1=finger}} | {s}Buttock=pelvis > {s}Thigh=thigh > {s}Shin=shank >"
-    " {s}Foot=foot}",
-    "daz": "hip=pelvis {pelvis=pelvis > {s}ThighBend=thigh > {s}ThighTwist=thigh > {s}Shin=shank >"
-    " {s}Foot=foot > {s}Metatarsals=toe > {s}Toe=toe > {s}SmallToe4=toe > {s}SmallToe4_2=toe"
-    " | abdomenLower=trunk > chestLower=trunk {chestUpper=trunk {{s}Collar=clavicle >"
-    " {s}ShldrBend=upper_arm > {s}ShldrTwist=upper_arm > {s}ForearmBend=forearm >"
-    " {s}ForearmTwist=forearm > {s}Hand=hand > {s}Carpal1=finger > {s}Ring1=finger"
+    " | %SideCollar=clavicle > %SideShoulder=upper_arm > %SideElbow=forearm > %SideWrist=hand}"
+    " | %SideHip=thigh > %SideKnee=shank > %SideAnkle=foot > %SideToe=toe}",
+    "poser": "hip=pelvis {abdomen=trunk > chest=trunk {neck=neck > head=head > %sideEye=head"
+    " | %sCollar=clavicle > %sShldr=upper_arm > %sForeArm=forearm > %sHand=hand"
+    " {%sThumb1=finger | %sMid1=finger}} | %sButtock=pelvis > %sThigh=thigh > %sShin=shank >"
+    " %sFoot=foot}",
+    "daz": "hip=pelvis {pelvis=pelvis > %sThighBend=thigh > %sThighTwist=thigh > %sShin=shank >"
+    " %sFoot=foot > %sMetatarsals=toe > %sToe=toe > %sSmallToe4=toe > %sSmallToe4_2=toe"
+    " | abdomenLower=trunk > chestLower=trunk {chestUpper=trunk {%sCollar=clavicle >"
+    " %sShldrBend=upper_arm > %sShldrTwist=upper_arm > %sForearmBend=forearm >"
+    " %sForearmTwist=forearm > %sHand=hand > %sCarpal1=finger > %sRing1=finger"
     " | neckLower=neck > head=head {lowerJaw=head > tongue01=head > MidNoseBridge=head"
-    " | {s}Ear=head | {s}NasolabialLower=head}} | {s}Pectoral=trunk}}",
-    "games105": "RootJoint=pelvis {{s}Hip=thigh > {s}Knee=shank > {s}Ankle=foot > {s}ToeJoint=toe"
+    " | %sEar=head | %sNasolabialLower=head}} | %sPectoral=trunk}}",
+    "games105": "RootJoint=pelvis {%sHip=thigh > %sKnee=shank > %sAnkle=foot > %sToeJoint=toe"
     " | pelvis_lowerback=trunk > lowerback_torso=trunk {torso_head=head"
-    " | {s}Torso_Clavicle=clavicle > {s}Shoulder=upper_arm > {s}Elbow=forearm > {s}Wrist=hand}}",
+    " | %sTorso_Clavicle=clavicle > %sShoulder=upper_arm > %sElbow=forearm > %sWrist=hand}}",
     "dfki": "FK_back1_jnt=pelvis {FK_back2_jnt=trunk {head_jnt=head > head_end_jnt=head"
-    " | {S}_shoulder_jnt=clavicle {{S}_shoulderEnd_jnt=clavicle | {S}_upArm_jnt=upper_arm >"
-    " {S}_lowArm_jnt=forearm > {S}_hand_jnt=hand {{S}_hand_end_jnt=hand | {S}_handRoot_jnt=hand >"
-    " {S}_index_root_jnt=finger > {S}_index_mid_jnt=finger > {S}_index_end_jnt=finger}}}"
-    " | {S}_upLeg_jnt=thigh > {S}_lowLeg_jnt=shank > {S}_foot_jnt=foot > {S}_toe_tip_jnt=toe}",
-    "makehuman": "root=pelvis {pelvis{.S}=pelvis > upperleg01{.S}=thigh > upperleg02{.S}=thigh >"
-    " lowerleg01{.S}=shank > foot{.S}=foot > metatarsal1{.S}=toe > toe1-1{.S}=toe"
-    " | spine05=trunk > spine01=trunk {clavicle{.S}=clavicle > shoulder01{.S}=clavicle >"
-    " upperarm01{.S}=upper_arm > upperarm02{.S}=upper_arm > lowerarm01{.S}=forearm > wrist{.S}=hand"
-    " > metacarpal1{.S}=finger > finger2-1{.S}=finger | neck01=neck > head=head {jaw=head >"
-    " special04=head | levator02{.S}=head}} | breast{.S}=trunk}",
+    " | %S_shoulder_jnt=clavicle {%S_shoulderEnd_jnt=clavicle | %S_upArm_jnt=upper_arm >"
+    " %S_lowArm_jnt=forearm > %S_hand_jnt=hand {%S_hand_end_jnt=hand | %S_handRoot_jnt=hand >"
+    " %S_index_root_jnt=finger > %S_index_mid_jnt=finger > %S_index_end_jnt=finger}}}"
+    " | %S_upLeg_jnt=thigh > %S_lowLeg_jnt=shank > %S_foot_jnt=foot > %S_toe_tip_jnt=toe}",
+    "makehuman": "root=pelvis {pelvis%.S=pelvis > upperleg01%.S=thigh > upperleg02%.S=thigh >"
+    " lowerleg01%.S=shank > foot%.S=foot > metatarsal1%.S=toe > toe1-1%.S=toe"
+    " | spine05=trunk > spine01=trunk {clavicle%.S=clavicle > shoulder01%.S=clavicle >"
+    " upperarm01%.S=upper_arm > upperarm02%.S=upper_arm > lowerarm01%.S=forearm > wrist%.S=hand"
+    " > metacarpal1%.S=finger > finger2-1%.S=finger | neck01=neck > head=head {jaw=head >"
+    " special04=head | levator02%.S=head}} | breast%.S=trunk}",
     "makehuman, older": "Root=pelvis {Spine1=trunk {Neck=neck > Head=head > __Jaw=head"
-    " | __Clavicle{_S}=clavicle > Clavicle{_S}=clavicle > UpArm{_S}=upper_arm > LoArm{_S}=forearm >"
-    " Hand{_S}=hand > __Thumb1{_S}=finger} | Hips=pelvis > UpLeg{_S}=thigh > LoLeg{_S}=shank >"
-    " Foot{_S}=foot > Toe{_S}=toe}",
-    "mass": "Character1_Hips=pelvis {Character1_Spine=trunk {Character1_{Side}Shoulder=clavicle"
-    " {Character1_{Side}Arm=upper_arm {Character1_{Side}ForeArm=forearm"
-    " {Character1_{Side}Hand=hand | {S}_Radius_RIGMESH=forearm} | {S}_Humerus_RIGMESH=upper_arm}"
-    " | {S}_Shoulder_RIGMESH=clavicle} | Character1_Head=head | Torso_RIGMESH=trunk}"
-    " | Character1_{Side}UpLeg=thigh {Character1_{Side}Leg=shank {Character1_{Side}Foot=foot"
-    " {Character1_{Side}ToeBase=toe | {S}_Talus_RIGMESH=foot} | {S}_Tibia_RIGMESH=shank}"
-    " | {S}_Femur_RIGMESH=thigh} | Pelvis_RIGMESH=pelvis}",
-    "biovision with markers": "Hips=pelvis {{Side}Hip=thigh {{Side}Knee=shank > {Side}Ankle=foot"
-    " | {S}_Femur_RIGMESH=thigh} | Chest=trunk > {Side}Collar=clavicle > {Side}Shoulder=upper_arm"
-    " {{Side}Elbow=forearm > {Side}Wrist=hand | {S}_Humerus_RIGMESH=upper_arm}}",
-    "vertebrae": "Pelvis=pelvis {J_{S}_Hip=thigh > J_{S}_Knee=shank > J_{S}_Ankle=foot >"
-    " J_{S}_Bale=toe | J_L5=trunk > J_L1=trunk > J_T12=trunk > J_T1=trunk {J_C7=neck > J_C1=neck >"
-    " J_Atlas=head | J_{S}_Clavicle=clavicle > J_{S}_Shoulder=upper_arm > J_{S}_Elbow=forearm >"
-    " J_{S}_Hand=hand}}",
-    "rolls": "Hips=pelvis {Spine=trunk {Neck=neck | {Side}Shoulder=clavicle > {Side}Arm=upper_arm >"
-    " {Side}ArmRoll=upper_arm > {Side}ForeArm=forearm > {Side}ForeArmRoll=forearm >"
-    " {Side}Hand=hand} | {Side}UpLeg=thigh > {Side}UpLegRoll=thigh > {Side}Leg=shank >"
-    " {Side}LegRoll=shank > {Side}Foot=foot > {Side}FootPinky1=toe}",
+    " | __Clavicle%_S=clavicle > Clavicle%_S=clavicle > UpArm%_S=upper_arm > LoArm%_S=forearm >"
+    " Hand%_S=hand > __Thumb1%_S=finger} | Hips=pelvis > UpLeg%_S=thigh > LoLeg%_S=shank >"
+    " Foot%_S=foot > Toe%_S=toe}",
+    "mass": "Character1_Hips=pelvis {Character1_Spine=trunk {Character1_%SideShoulder=clavicle"
+    " {Character1_%SideArm=upper_arm {Character1_%SideForeArm=forearm"
+    " {Character1_%SideHand=hand | %S_Radius_RIGMESH=forearm} | %S_Humerus_RIGMESH=upper_arm}"
+    " | %S_Shoulder_RIGMESH=clavicle} | Character1_Head=head | Torso_RIGMESH=trunk}"
+    " | Character1_%SideUpLeg=thigh {Character1_%SideLeg=shank {Character1_%SideFoot=foot"
+    " {Character1_%SideToeBase=toe | %S_Talus_RIGMESH=foot} | %S_Tibia_RIGMESH=shank}"
+    " | %S_Femur_RIGMESH=thigh} | Pelvis_RIGMESH=pelvis}",
+    "biovision with markers": "Hips=pelvis {%SideHip=thigh {%SideKnee=shank > %SideAnkle=foot"
+    " | %S_Femur_RIGMESH=thigh} | Chest=trunk > %SideCollar=clavicle > %SideShoulder=upper_arm"
+    " {%SideElbow=forearm > %SideWrist=hand | %S_Humerus_RIGMESH=upper_arm}}",
+    "vertebrae": "Pelvis=pelvis {J_%S_Hip=thigh > J_%S_Knee=shank > J_%S_Ankle=foot >"
+    " J_%S_Bale=toe | J_L5=trunk > J_L1=trunk > J_T12=trunk > J_T1=trunk {J_C7=neck > J_C1=neck >"
+    " J_Atlas=head | J_%S_Clavicle=clavicle > J_%S_Shoulder=upper_arm > J_%S_Elbow=forearm >"
+    " J_%S_Hand=hand}}",
+    "rolls": "Hips=pelvis {Spine=trunk {Neck=neck | %SideShoulder=clavicle > %SideArm=upper_arm >"
+    " %SideArmRoll=upper_arm > %SideForeArm=forearm > %SideForeArmRoll=forearm >"
+    " %SideHand=hand} | %SideUpLeg=thigh > %SideUpLegRoll=thigh > %SideLeg=shank >"
+    " %SideLegRoll=shank > %SideFoot=foot > %SideFootPinky1=toe}",
     "ends of bones": "Hips=pelvis {Spine=trunk {Head=head > HeadEnd=head"
-    " | {Side}Shoulder=clavicle > {Side}Arm=upper_arm > {Side}ForeArm=forearm"
-    " {{Side}Hand=hand {{Side}HandThumb1=finger | {Side}ForeArmEnd=hand} | {Side}ArmEnd=forearm}}"
-    " | {Side}UpLeg=thigh > {Side}Leg=shank {{Side}Foot=foot {{Side}ToeBase=toe >"
-    " {Side}ToeBaseEnd=toe | {Side}LegEnd=foot} | {Side}UpLegEnd=shank}}",
-    "woddy": "Hips=pelvis {Spine=trunk {HEad=head | {Side}Shoulder1=clavicle >"
-    " {Side}Arm=upper_arm > {Side}ForeArm=forearm} | {Side}UpLeg=thigh > {Side}Leg=shank}",
+    " | %SideShoulder=clavicle > %SideArm=upper_arm > %SideForeArm=forearm"
+    " {%SideHand=hand {%SideHandThumb1=finger | %SideForeArmEnd=hand} | %SideArmEnd=forearm}}"
+    " | %SideUpLeg=thigh > %SideLeg=shank {%SideFoot=foot {%SideToeBase=toe >"
+    " %SideToeBaseEnd=toe | %SideLegEnd=foot} | %SideUpLegEnd=shank}}",
+    "woddy": "Hips=pelvis {Spine=trunk {HEad=head | %SideShoulder1=clavicle >"
+    " %SideArm=upper_arm > %SideForeArm=forearm} | %SideUpLeg=thigh > %SideLeg=shank}",
     "unreal": "root=other {pelvis=pelvis {spine_01=trunk {neck_01=neck > head=head"
-    " | clavicle_{s}=clavicle > upperarm_{s}=upper_arm {upperarm_twist_01_{s}=upper_arm"
-    " | lowerarm_{s}=forearm > hand_{s}=hand > middle_01_{s}=finger}}"
-    " | thigh_{s}=thigh > calf_{s}=shank > foot_{s}=foot > ball_{s}=toe}"
-    " | ik_foot_root=other > ik_foot_{s}=other}",
-    "smpl": "Pelvis=pelvis {{S}_Hip=thigh > {S}_Knee=shank > {S}_Ankle=foot > {S}_Foot=toe"
-    " | Spine1=trunk {Neck=neck > Head=head | {S}_Collar=clavicle > {S}_Shoulder=upper_arm >"
-    " {S}_Elbow=forearm > {S}_Wrist=hand > {S}_Hand=hand}}",
+    " | clavicle_%s=clavicle > upperarm_%s=upper_arm {upperarm_twist_01_%s=upper_arm"
+    " | lowerarm_%s=forearm > hand_%s=hand > middle_01_%s=finger}}"
+    " | thigh_%s=thigh > calf_%s=shank > foot_%s=foot > ball_%s=toe}"
+    " | ik_foot_root=other > ik_foot_%s=other}",
+    "smpl": "Pelvis=pelvis {%S_Hip=thigh > %S_Knee=shank > %S_Ankle=foot > %S_Foot=toe"
+    " | Spine1=trunk {Neck=neck > Head=head | %S_Collar=clavicle > %S_Shoulder=upper_arm >"
+    " %S_Elbow=forearm > %S_Wrist=hand > %S_Hand=hand}}",
     "kinect": "SpineBase=pelvis {SpineMid=trunk > SpineShoulder=trunk {Neck=neck > Head=head"
-    " | Shoulder{Side}=upper_arm > Elbow{Side}=forearm > Wrist{Side}=hand > HandTip{Side}=hand"
-    " > Thumb{Side}=finger} | Hip{Side}=thigh > Knee{Side}=shank > Ankle{Side}=foot"
-    " > Foot{Side}=toe}",
-    "rigify": "DEF-spine=pelvis {DEF-thigh{.S}=thigh > DEF-shin{.S}=shank > DEF-foot{.S}=foot >"
-    " DEF-toe{.S}=toe | DEF-spine.001=trunk > DEF-spine.003=trunk {DEF-shoulder{.S}=clavicle >"
-    " DEF-upper_arm{.S}=upper_arm > DEF-forearm{.S}=forearm > DEF-hand{.S}=hand"
+    " | Shoulder%Side=upper_arm > Elbow%Side=forearm > Wrist%Side=hand > HandTip%Side=hand"
+    " > Thumb%Side=finger} | Hip%Side=thigh > Knee%Side=shank > Ankle%Side=foot"
+    " > Foot%Side=toe}",
+    "rigify": "DEF-spine=pelvis {DEF-thigh%.S=thigh > DEF-shin%.S=shank > DEF-foot%.S=foot >"
+    " DEF-toe%.S=toe | DEF-spine.001=trunk > DEF-spine.003=trunk {DEF-shoulder%.S=clavicle >"
+    " DEF-upper_arm%.S=upper_arm > DEF-forearm%.S=forearm > DEF-hand%.S=hand"
     " | DEF-spine.004=neck > DEF-spine.005=neck > DEF-spine.006=head}}",
     "quadruped": "Pelvis=pelvis {Spine1=trunk > Chest=trunk {Neck=neck > Head=head > Jaw=head"
-    " | Scapula{_S}=clavicle > Humerus{_S}=upper_arm > Radius{_S}=forearm > Carpus{_S}=hand >"
-    " ForePaw{_S}=finger} | Tail1=tail > Tail2=tail"
-    " | Femur{_S}=thigh > Tibia{_S}=shank > Tarsus{_S}=foot > HindPaw{_S}=toe}",
-    "one unknown word": "Hips=pelvis {Gizmo=pelvis > {Side}UpLeg=thigh > {Side}Qwx=thigh >"
-    " {Side}Leg=shank > {Side}Foot=foot > {Side}Sole=toe"
-    " | Spine=trunk {Zzz=trunk > Head=head > Hat=head | {Side}Arm=upper_arm > {Side}Hand=hand >"
-    " {Side}Blob=finger}}",
-    "legs of one word": "Hips=pelvis {{Side}Leg=thigh > {Side}LegTwist=thigh > {Side}Knee=shank"
-    " | Spine=trunk > {Side}Arm=upper_arm}",
+    " | Scapula%_S=clavicle > Humerus%_S=upper_arm > Radius%_S=forearm > Carpus%_S=hand >"
+    " ForePaw%_S=finger} | Tail1=tail > Tail2=tail"
+    " | Femur%_S=thigh > Tibia%_S=shank > Tarsus%_S=foot > HindPaw%_S=toe}",
+    "one unknown word": "Hips=pelvis {Gizmo=pelvis > %SideUpLeg=thigh > %SideQwx=thigh >"
+    " %SideLeg=shank > %SideFoot=foot > %SideSole=toe"
+    " | Spine=trunk {Zzz=trunk > Head=head > Hat=head | %SideArm=upper_arm > %SideHand=hand >"
+    " %SideBlob=finger}}",
+    "legs of one word": "Hips=pelvis {%SideLeg=thigh > %SideLegTwist=thigh > %SideKnee=shank"
+    " | Spine=trunk > %SideArm=upper_arm}",
 }
 
 
-def both_sides(text):
-    """Return a scheme with each branch that stands for both sides written out twice."""
-
-    def one_side(branch, side):
-        long, capital, small, under, dot = LIMBS[side]
-        for mark, word in (
-            ("{Side}", long),
-            ("{side}", long.lower()),
-            ("{S}", capital),
-            ("{s}", small),
-            ("{_S}", under),
-            ("{.S}", dot),
-        ):
-            branch = branch.replace(mark, word)
-        return branch
-
-    marks = re.compile(r"\{(?:Side|side|S|s|_S|\.S)\}")
-    # Outermost branches whose first joint has a mark are doubled, with all below them.
-    doubled, position = "", 0
-    while position < len(text):
-        mark = marks.search(text, position)
-        if not mark:
-            return doubled + text[position:]
-        plain = marks.sub(lambda m: "#" * len(m[0]), text)
-        start = max(plain.rfind(sign, 0, mark.start()) for sign in "{|>") + 1
-        depth, stop = 0, start
-        while stop < len(plain) and not (depth == 0 and plain[stop] in "|}"):
-            depth += {"{": 1, "}": -1}.get(plain[stop], 0)
-            stop += 1
-        branch = text[start:stop]
-        twins = f"{one_side(branch, 'left')} | {one_side(branch, 'right')}"
-        if plain[start - 1] == ">":
-            doubled += text[position : start - 1] + "{" + twins + "}"
-        else:
-            doubled += text[position:start] + twins
-        position = stop
-    return doubled
-
-
+@cache
 def scheme(name):
     """Return the skeleton of a scheme with the part and the side of each joint."""
-    skeleton, notes = skeleton_from_text(both_sides(SCHEMES[name].replace("| }", "}")))
-    sides = []
-    for joint_name in skeleton.names:
-        bare = joint_name.split(":")[-1]
-        mark = re.search(r"(Left|Right|left|right)|(?:^|[ _.])([LRlr])(?:[_ .]|$)", bare)
-        mark = mark or re.match(
-            r"()([lrLR])(?=[A-Z]|hand|hipj|fem|tib|foot|toe|clav|hum|rad|wri|fing|thu)", bare
-        )
-        word = (mark[1] or mark[2]).lower()[0] if mark else ""
-        sides.append({"l": "left", "r": "right", "": ""}[word])
-    return skeleton, [note[0] for note in notes], sides
+    single, notes = skeleton_from_text(SCHEMES[name])
+    names, parents, parts, sides, places = [], [], [], [], []
+    for text, parent, (part,) in zip(single.names, single.parents, notes, strict=True):
+        above = places[parent] if parent >= 0 else {"": -1}
+        places.append({})
+        for side in LIMBS if "%" in text or "left" in above else [""]:
+            own = text
+            for mark, word in zip(MARKS, LIMBS.get(side, MARKS), strict=True):
+                own = own.replace(mark, word)
+            places[-1][side] = len(names)
+            names.append(own)
+            parents.append(above[side if side in above else ""])
+            parts.append(part)
+            sides.append(side)
+    return Skeleton(names, parents, np.zeros((len(names), 3))), parts, sides
 
 
 @pytest.mark.parametrize("name", SCHEMES)
@@ -253,7 +224,7 @@ def test_anatomy_swapped_names_swap_sides(name):
 def test_anatomy_unknown_names_use_symmetry():
     skeleton = human()
     by_names = anatomy(skeleton)
-    by_structure = anatomy(with_names(skeleton, lambda joint, _: f"j{joint}"))
+    by_structure = anatomy(without_names(skeleton))
     assert by_structure.parts == by_names.parts
     assert by_structure.sides == by_names.sides
     assert not by_structure.human
@@ -261,7 +232,7 @@ def test_anatomy_unknown_names_use_symmetry():
 
 
 def test_anatomy_unknown_names_take_sides_from_foot_direction():
-    unnamed = with_names(human(), lambda joint, _: f"j{joint}")
+    unnamed = without_names(human())
     mirrored = unnamed.with_offsets(unnamed.offsets * [-1, 1, 1])
     swap = {"left": "right", "right": "left", "": ""}
     assert anatomy(mirrored).sides == tuple(swap[side] for side in anatomy(unnamed).sides)
@@ -269,7 +240,7 @@ def test_anatomy_unknown_names_take_sides_from_foot_direction():
 
 @given(st.integers(0, 2), st.integers(0, 2))
 def test_anatomy_unknown_names_ignore_orientation(turns, more):
-    unnamed = with_names(human(), lambda joint, _: f"j{joint}")
+    unnamed = without_names(human())
     cycled = np.roll(unnamed.offsets, turns, axis=1)  # an even permutation is a rotation
     sites = [type(s)(s.parent, np.roll(s.offset, turns)) for s in unnamed.end_sites]
     turned = Skeleton(unnamed.names, unnamed.parents, cycled * (1 + more), end_sites=sites)
@@ -301,7 +272,7 @@ def test_anatomy_unknown_names_long_clavicles_and_roll_joints():
     right = [(-x, y, z) for x, y, z in arm]
     offsets = [(0, 0, 0), (9, 0, 0), *leg, (-9, 0, 0), *leg, (0, 50, 0), (0, 9, 0), *arm, *right]
     skeleton = skeleton.with_offsets(offsets)
-    unnamed = with_names(skeleton, lambda joint, _: f"j{joint}")
+    unnamed = without_names(skeleton)
     assert anatomy(unnamed).parts == anatomy(skeleton).parts
 
 
@@ -320,7 +291,7 @@ def test_anatomy_short_mirrored_pairs_are_not_limbs():
 
 @given(st.data())
 def test_anatomy_ignores_joint_order(data):
-    unnamed = with_names(human(), lambda joint, _: f"j{joint}")
+    unnamed = without_names(human())
     named = [scheme(name)[0] for name in ("daz", "mass")]
     skeleton = data.draw(st.sampled_from([human(), unnamed, *named]))
     order = data.draw(orders(skeleton))
@@ -379,14 +350,11 @@ def test_feature_joints_of_fingers_alone_keep_them():
     assert feature_joints(skeleton, fingers).tolist() == fingers
 
 
-@pytest.mark.skipif(not distinct_recordings(), reason=f"no recordings at {DATA}")
-@pytest.mark.parametrize(
-    "path", distinct_recordings(), ids=lambda path: f"{path.parent.name}/{path.stem}"
-)
+@each_recording()
 def test_anatomy_recordings_agree_with_and_without_names(path):
     skeleton = read_hierarchy(path)
     lower = [
         [part in (*LEG, "pelvis", "other", "tail") for part in anatomy(named).parts]
-        for named in (skeleton, with_names(skeleton, lambda joint, _: f"j{joint}"))
+        for named in (skeleton, without_names(skeleton))
     ]
     assert lower[0] == lower[1] or skeleton.n_joints < 5

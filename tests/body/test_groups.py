@@ -11,8 +11,8 @@ from mograft import JointGroups, Skeleton, subtree
 from mograft.body.anatomy import anatomy
 from mograft.body.groups import PRESETS
 from tests.hierarchies import (
-    DATA,
-    distinct_recordings,
+    clip_name,
+    each_recording,
     human,
     read_hierarchy,
     skeleton_from_text,
@@ -44,10 +44,6 @@ MISSING_PARTS = {
     },
     "skel_snu_wd2/wd2_spiral_walk_slow02": {"lower_torso_head_larm_rarm": "neck or head"},
 }
-
-
-def clip_name(path):
-    return f"{path.parent.name}/{path.stem}"
 
 
 def test_preset_of_human_has_expected_joints():
@@ -272,12 +268,8 @@ def test_preset_unknown_name_raises_value_error(name):
         JointGroups.preset(name, human())
 
 
-needs_recordings = pytest.mark.skipif(not distinct_recordings(), reason=f"no recordings at {DATA}")
-
-
-@needs_recordings
 @pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("path", distinct_recordings(), ids=clip_name)
+@each_recording()
 def test_preset_recordings_resolve_or_name_missing_parts(path, preset):
     skeleton = read_hierarchy(path)
     missing = MISSING_PARTS.get(clip_name(path), {}).get(preset)

@@ -18,8 +18,7 @@ from mograft.body.mass import (
 )
 from tests import strategies
 from tests.hierarchies import (
-    DATA,
-    distinct_recordings,
+    each_recording,
     human,
     orders,
     read_hierarchy,
@@ -27,15 +26,12 @@ from tests.hierarchies import (
     skeletons,
     with_names,
     with_order,
+    without_names,
 )
 from tests.strategies import few_examples
 
 TOTAL = 0.99995  # of the means of the table; the female masses sum to 99.99 %
 KINDS = ["own", "subtree", "unit"]
-
-
-def remove_names(skeleton):
-    return with_names(skeleton, lambda joint, _: f"j{joint}")
 
 
 def scale_skeleton(skeleton, factor):
@@ -116,8 +112,8 @@ def test_mass_model_scale_changes_only_height(skeleton, factor):
 
 
 @given(st.data(), st.booleans())
-def test_mass_model_ignores_joint_order(data, with_names):
-    skeleton = human() if with_names else remove_names(human())
+def test_mass_model_ignores_joint_order(data, is_named):
+    skeleton = human() if is_named else without_names(human())
     order = data.draw(orders(skeleton))
     shuffled = with_order(skeleton, order)
     before, after = mass_model(skeleton), mass_model(shuffled)
@@ -269,7 +265,7 @@ def test_moments_of_inertia_unknown_kind_raises_value_error():
     "skeleton",
     [
         human(),
-        remove_names(human()),
+        without_names(human()),
         Skeleton(["Hips", "Chest", "Head"], [-1, 0, 1], [[0, 0, 0], [1, 30, 0], [5, 20, 3]]),
     ],
     ids=["human", "nameless", "without feet"],
@@ -301,10 +297,7 @@ def test_up_axis_of_animal_ignores_the_head():
     assert up_axis(rest_motion(skeleton.with_offsets(offsets))) == 1
 
 
-@pytest.mark.skipif(not distinct_recordings(), reason=f"no recordings at {DATA}")
-@pytest.mark.parametrize(
-    "path", distinct_recordings(), ids=lambda path: f"{path.parent.name}/{path.stem}"
-)
+@each_recording()
 def test_mass_model_recordings_have_plausible_values(path):
     skeleton = read_hierarchy(path)
     found = mass_model(skeleton)
@@ -314,8 +307,8 @@ def test_mass_model_recordings_have_plausible_values(path):
         assert found.height_from in ("legs and head", "legs")
         assert [foot.side for foot in found.feet] == ["left", "right"]
         assert 0.002 < found.inertia.sum() < 0.02
-    without_names = mass_model(remove_names(skeleton))
-    assert without_names.height == pytest.approx(found.height, rel=0.25) or skeleton.n_joints < 14
+    nameless = mass_model(without_names(skeleton))
+    assert nameless.height == pytest.approx(found.height, rel=0.25) or skeleton.n_joints < 14
 
 
 @given(st.integers(1, 40), st.integers(1, 41), st.integers(0, 2**32 - 1))

@@ -12,7 +12,7 @@ from mograft.body.mass import mass_model
 from mograft.body.mirroring import partners
 from mograft.dancer import dance
 from mograft.motion import rotations
-from tests.hierarchies import distinct_recordings, human, with_names
+from tests.hierarchies import each_recording, human, with_names
 from tests.strategies import SEEDS, assert_same_rotations, person
 
 
@@ -93,7 +93,7 @@ def test_mirror_keeps_kinetic_energy(seed):
 ASYMMETRIC = ("face-poseunits", "rotation_first_root", "backflip")
 
 
-@pytest.mark.parametrize("path", distinct_recordings(), ids=lambda path: path.stem[:30])
+@each_recording()
 def test_mirror_recordings_succeed_or_name_the_joint(path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

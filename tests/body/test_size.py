@@ -11,17 +11,7 @@ import mograft as mg
 from mograft.body.size import describe_sizes, figure_size, resize
 from mograft.dancer import dance
 from mograft.scenario.scenario import Scenario, realize_scenario
-from tests.strategies import few_examples
-
-
-def scaled(motion, factor):
-    """Return a motion in another unit of length."""
-    own = motion.skeleton
-    sites = tuple(replace(site, offset=factor * site.offset) for site in own.end_sites)
-    skeleton = replace(own, offsets=factor * own.offsets, end_sites=sites)
-    return replace(
-        motion, skeleton=skeleton, positions=factor * motion.positions, channel_values=None
-    )
+from tests.strategies import few_examples, transform_motion
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +47,9 @@ def plain(clips):
 def test_graft_clips_in_other_units_equals_scaled_graft(plain, base, factors, chosen, seed):
     library = plain[base]
     expected = mg.graft(library, f"clip{chosen}", seed=seed)
-    mixed = [scaled(clip, factor) for clip, factor in zip(library.clips, factors, strict=True)]
+    mixed = [
+        transform_motion(clip, factor) for clip, factor in zip(library.clips, factors, strict=True)
+    ]
     library = mg.Library.build(mixed, library.groups)
     found = mg.graft(library, f"clip{chosen}", seed=seed)
     assert any(own.donor != own.segment for own in expected.substitutions)
@@ -73,7 +65,9 @@ def test_scenario_clips_in_other_units_has_the_size_of_the_first(plain, factors,
     segments = np.flatnonzero(library.segments.start > 50)[::7]
     segments = segments[np.argsort(library.segments.clip[segments] != first, kind="stable")]
     expected, _ = realize_scenario(library, Scenario(segments))
-    mixed = [scaled(clip, factor) for clip, factor in zip(library.clips, factors, strict=True)]
+    mixed = [
+        transform_motion(clip, factor) for clip, factor in zip(library.clips, factors, strict=True)
+    ]
     library = mg.Library.build(mixed, library.groups)
     found, _ = realize_scenario(library, Scenario(segments))
     assert (found.positions == factors[first] * expected.positions).all()
@@ -82,7 +76,9 @@ def test_scenario_clips_in_other_units_has_the_size_of_the_first(plain, factors,
 def test_graft_with_a_root_from_another_unit_stays_in_the_range_of_the_base(plain):
     clips = plain["upper"].clips
     with pytest.warns(UserWarning, match=r"not as long as the median: clip1 \(17.2 times\)"):
-        library = mg.Library.build([clips[0], scaled(clips[1], 17.2)], plain["upper"].groups)
+        library = mg.Library.build(
+            [clips[0], transform_motion(clips[1], 17.2)], plain["upper"].groups
+        )
     heights = mg.graft(library, "clip0").motion.positions[:, 0, 1]
     assert np.ptp(heights) < 3 * np.ptp(clips[0].positions[:, 0, 1])
 
@@ -90,7 +86,7 @@ def test_graft_with_a_root_from_another_unit_stays_in_the_range_of_the_base(plai
 def test_resize_motion_of_equal_size_returns_it(plain):
     clip = plain["lower"].clips[0]
     assert resize(clip, clip.skeleton) is clip
-    larger = resize(clip, scaled(clip, 3.0).skeleton)
+    larger = resize(clip, transform_motion(clip, 3.0).skeleton)
     assert figure_size(larger.skeleton) == pytest.approx(3 * figure_size(clip.skeleton))
 
 

@@ -78,12 +78,6 @@ def standing_figure(lean=0.0):
     return replace(DANCE, rotations=quats, positions=positions, channel_values=None)
 
 
-def test_dynamic_balance_still_figure_equals_static_balance():
-    static = static_balance(standing_figure(), floor_reference=DANCE)
-    dynamic = dynamic_balance(standing_figure(), floor_reference=DANCE)
-    np.testing.assert_allclose(dynamic.distance, static.distance, atol=1e-9)
-
-
 def test_static_balance_leaning_figure_is_unbalanced():
     upright = static_balance(standing_figure(), floor_reference=DANCE)
     leaning = static_balance(standing_figure(-1.4), floor_reference=DANCE)
@@ -94,7 +88,7 @@ def test_static_balance_leaning_figure_is_unbalanced():
         assert leaning.classify(cut, rule)[0].all()
 
 
-@pytest.mark.parametrize("acceleration", [-300.0, 150.0, 600.0])
+@pytest.mark.parametrize("acceleration", [-300.0, 0.0, 150.0, 600.0])
 def test_dynamic_balance_constant_acceleration_shifts_zero_moment_point(acceleration):
     figure = standing_figure()
     time = np.arange(figure.n_frames) * figure.frame_time

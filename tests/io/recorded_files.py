@@ -1,20 +1,15 @@
-"""Recorded and unusual BVH files outside of the repository; tests skip if they are absent."""
-
-from pathlib import Path
+"""Recorded and unusual files outside of the repository; tests skip if they are absent."""
 
 import pytest
 
-SHARED = Path(__file__).parents[3] / "shared"
-DATA, ODD = SHARED / "data", SHARED / "odd"
-RECORDINGS = sorted(DATA.glob("*/*.bvh")) or [None]
-ODD_FILES = sorted(ODD.glob("*.bvh")) or [None]
+from tests.hierarchies import DATA
+
+ODD = DATA.parent / "odd"
+RECORDINGS = sorted(DATA.glob("*/*.bvh"))
+ODD_FILES = sorted(ODD.glob("*.bvh"))
 
 
-def file_id(path):
-    return "none" if path is None else f"{path.parent.name}/{path.stem}"
-
-
-def require(path, folder):
-    if path is None or not path.exists():
-        pytest.skip(f"no such files in {folder}")
+def require(path):
+    if not path.exists():
+        pytest.skip(f"the file {path.name} is missing")
     return path

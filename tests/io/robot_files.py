@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from mograft import formats
 from mograft.io.robots.poses import Pose, to_motion
@@ -77,20 +78,9 @@ def to_mjcf(parts, *, degrees=False):
     return f"<mujoco>{compiler}<worldbody>\n{body(0)}\n</worldbody></mujoco>\n"
 
 
-def _matrix(quat):
-    w, x, y, z = np.asarray(quat) / np.linalg.norm(quat)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def _turn(axis, angle):
-    axis = np.asarray(axis) / np.linalg.norm(axis)
-    return _matrix([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
+def _turn(quat):
+    """Return the rotation of a quaternion wxyz of any length."""
+    return Rotation.from_quat(np.roll(quat, -1))
 
 
 def to_urdf(parts):
@@ -100,8 +90,7 @@ def to_urdf(parts):
         lines += [f'<link name="{part.name}"><inertial><origin xyz="{_text(part.center)}"/>']
         lines[-1] += f'<mass value="{part.mass:.17g}"/></inertial></link>'
     for part in parts[1:]:
-        m = _matrix(part.quat)
-        angles = [np.arctan2(m[2, 1], m[2, 2]), np.arcsin(-m[2, 0]), np.arctan2(m[1, 0], m[0, 0])]
+        angles = _turn(part.quat).as_euler("xyz")
         name, axis, _, low, high = (*part.hinges, (part.name, [1, 0, 0], 0, 0, 0))[0]
         kind = "revolute" if part.hinges else "fixed"
         lines += [
@@ -121,14 +110,15 @@ def body_places(parts, root_place, root_quat, angles):
     turns, places, centers = [], [], []
     for part in parts:
         if part.parent < 0:
-            turn, place = _matrix(root_quat), np.asarray(root_place, float)
+            turn, place = _turn(root_quat).as_matrix(), np.asarray(root_place, float)
         else:
             above = turns[part.parent]
             place = places[part.parent] + above @ part.place
-            turn = above @ _matrix(part.quat)
+            turn = above @ _turn(part.quat).as_matrix()
         for name, axis, anchor, *_ in part.hinges:
             point = place + turn @ anchor
-            turn = turn @ _turn(axis, angles[name])
+            own = angles[name] * np.asarray(axis) / np.linalg.norm(axis)
+            turn = turn @ Rotation.from_rotvec(own).as_matrix()
             place = point - turn @ anchor
         turns.append(turn)
         places.append(place)
@@ -196,6 +186,17 @@ def humanoid_text():
     return f"<mujoco>{compiler}<worldbody>{body('pelvis')}</worldbody></mujoco>"
 
 
+def standing_pose(model, quats, angles):
+    """Return poses with these rotations and angles whose lowest point stays where it is."""
+    pose = Pose(np.zeros((len(quats), 3)), quats, angles)
+    places = to_motion(model, pose, TableLayout()).world_positions()
+    lowest = places[..., 2].argmin(axis=1)[:-1]
+    steps = np.diff(places, axis=0)[np.arange(len(lowest)), lowest]
+    root = np.vstack([np.zeros(3), -np.cumsum(steps, axis=0)])
+    root[:, 2] = -places[..., 2].min(axis=1)
+    return Pose(root, quats, angles)
+
+
 def write_walks(folder, n_clips=2, n_frames=240):
     """Write the humanoid and walks of it; return the model file and the tables."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -227,13 +228,7 @@ def write_walks(folder, n_clips=2, n_frames=240):
         turn = rotations.from_axis_angle([0, 0, 1], 1.0 + 0.1 * time)
         lean = rotations.from_axis_angle([0.3, 1, 0], 0.05 * np.sin(2 * step))
         quats = rotations.multiply(turn, lean)
-        still = to_motion(model, Pose(np.zeros((n_frames, 3)), quats, angles), TableLayout())
-        places = still.world_positions()
-        # The lowest point stays where it is, but for the smoothing of the root.
-        lowest = places[..., 2].argmin(axis=1)[:-1]
-        steps = np.diff(places, axis=0)[np.arange(n_frames - 1), lowest]
-        root = np.vstack([np.zeros(3), -np.cumsum(steps, axis=0)])
-        root[:, 2] = -places[..., 2].min(axis=1)
+        root = standing_pose(model, quats, angles).positions
         weights = np.hanning(17)[1:-1] / np.hanning(17).sum()
         padded = np.pad(root, ((7, 7), (0, 0)), mode="reflect", reflect_type="odd")
         root = np.stack([np.convolve(own, weights, mode="valid") for own in padded.T], axis=1)

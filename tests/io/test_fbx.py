@@ -18,11 +18,11 @@ from tests.fuzz import fbx as fuzz_fbx
 from tests.fuzz import outcome
 from tests.io import fbx_scenes as fbx
 from tests.io.fbx_scenes import Layer, Node, Scene, Take
-from tests.io.recorded_files import DATA
+from tests.io.recorded_files import DATA, require
 from tests.strategies import SEEDS, few_examples
 
 FOLDER = DATA / "fbx"
-FILES = sorted(FOLDER.glob("*.fbx")) or [None]
+FILES = sorted(FOLDER.glob("*.fbx"))
 SIGNED_AXES = [
     tuple(zip(order, signs, strict=True))
     for order in ((1, 2, 0), (2, 1, 0), (0, 1, 2))
@@ -233,17 +233,10 @@ def test_fbx_without_joints_has_no_clips(folder):
     assert "no clips" in clips.notes[-1]
 
 
-def recorded_file(name):
-    path = FOLDER / name
-    if not path.is_file():
-        pytest.skip(f"{path} is absent")
-    return path
-
-
 @pytest.mark.parametrize("pose", ["bind", "stance"])
 def test_fbx_recorded_pose_matches_bvh_of_same_figure(pose):
-    clip = mg.read(recorded_file(f"Geno_{pose}.fbx"))[0]
-    twin = mg.read_bvh(recorded_file(f"Geno_{pose}.bvh"))
+    clip = mg.read(require(FOLDER / f"Geno_{pose}.fbx"))[0]
+    twin = mg.read_bvh(require(FOLDER / f"Geno_{pose}.bvh"))
     assert clip.skeleton.names == twin.skeleton.names
     np.testing.assert_array_equal(clip.skeleton.parents, twin.skeleton.parents)
     assert (clip.n_frames, round(clip.rate)) == (twin.n_frames, round(twin.rate))
@@ -255,18 +248,16 @@ def test_fbx_recorded_pose_matches_bvh_of_same_figure(pose):
 @pytest.mark.parametrize("take", ["Base", "Spin", "Wiggle"])
 def test_fbx_recorded_text_6100_matches_binary_7400_that_blender_reads(take):
     """A client test compares the binary file with the importer of Blender, which reads no text."""
-    old = mg.read(recorded_file("ufbx_blender_279_sausage_6100_ascii.fbx"))[take]
-    clips = mg.read(recorded_file("ufbx_blender_279_sausage_7400_binary.fbx"))
+    old = mg.read(require(FOLDER / "ufbx_blender_279_sausage_6100_ascii.fbx"))[take]
+    clips = mg.read(require(FOLDER / "ufbx_blender_279_sausage_7400_binary.fbx"))
     new = clips[f"Skeleton|{take}"]
     for name in ("Bottom", "Middle", "Top"):
         places = (own.world_positions()[:, own.skeleton.index(name)] for own in (old, new))
         np.testing.assert_allclose(*places, atol=1e-5)
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path and path.stem)
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_fbx_recorded_file_gives_finite_motions_of_stated_length(path):
-    if path is None:
-        pytest.skip(f"no files in {FOLDER}")
     clips = mg.read(path)
     for index, (motion, name) in enumerate(zip(clips, clips.names, strict=True)):
         assert (motion.n_frames, motion.name) == (clips.count_frames(index), name)

@@ -20,7 +20,7 @@ from tests.dialects import skeletons
 from tests.hierarchies import human, under_world_root
 from tests.io.gltf_scenes import Glb, assert_equal_up_to_rotation
 from tests.oracles import bone_mesh as oracle
-from tests.strategies import HOSTILE_NAMES
+from tests.strategies import HOSTILE_NAMES, transform_motion, turn_motion
 
 
 @settings(max_examples=60)
@@ -50,10 +50,7 @@ def test_write_glb_joint_positions_equal_forward_kinematics(tmp_path_factory, mo
 def test_write_glb_figure_is_upright_for_any_up_axis(motion, tmp_path):
     for axes in ([0, 0, 0], [np.pi / 2, 0, 0], [0, 0, np.pi / 2], [np.pi, 0, 0]):
         tilt = rotations.exp(np.array(axes, float))
-        quats, positions = motion.rotations.copy(), motion.positions.copy()
-        quats[:, 0] = rotations.multiply(np.broadcast_to(tilt, quats[:, 0].shape), quats[:, 0])
-        positions[:, 0] = rotations.rotate(tilt, positions[:, 0])
-        write_glb(replace(motion, rotations=quats, positions=positions), tmp_path / "m.glb")
+        write_glb(turn_motion(motion, tilt), tmp_path / "m.glb")
         file = Glb(tmp_path / "m.glb")
         actual, joints = file.skin_vertices(file.document["animations"][0], 40)
         world = 0.01 * motion.world_positions()[40]
@@ -76,12 +73,7 @@ def test_write_glb_world_root_has_no_bone_in_mesh(motion, tmp_path):
 
 
 def test_write_glb_several_motions_become_animations(motion, tmp_path):
-    grown = replace(
-        motion[:30],
-        name="grown",
-        skeleton=motion.skeleton.with_offsets(1.5 * motion.skeleton.offsets),
-        positions=1.5 * motion[:30].positions,
-    )
+    grown = replace(transform_motion(motion[:30], 1.5), name="grown")
     write_glb([motion, grown], tmp_path / "m.glb", scale=1.0)
     file = Glb(tmp_path / "m.glb")
     names = [animation["name"] for animation in file.document["animations"]]
@@ -101,9 +93,8 @@ def test_write_glb_several_motions_become_animations(motion, tmp_path):
     ("size", "unit"), [(1, "cm"), (0.01, "m"), (10, "mm"), (0.01 / 0.0254, "inch"), (0.17, "CMU")]
 )
 def test_write_glb_guesses_unit_from_height(motion, tmp_path, size, unit):
-    skeleton = motion.skeleton.with_offsets(size * motion.skeleton.offsets)
-    assert guess_unit(skeleton) == unit
-    scaled = replace(motion, skeleton=skeleton, positions=size * motion.positions)
+    scaled = transform_motion(motion, size)
+    assert guess_unit(scaled.skeleton) == unit
     write_glb(scaled, tmp_path / "m.glb")
     extras = Glb(tmp_path / "m.glb").document["asset"]["extras"]
     assert extras == {"metres_in_a_unit": UNITS[unit], "unit": unit, "up_in_the_motion": "y"}

@@ -215,7 +215,7 @@ def issue_codes(path):
 @pytest.fixture(scope="module")
 def knight(tmp_path_factory):
     """The path of a copy of the knight with two new animations, their base and their motion."""
-    require(KNIGHT, DATA / "glb")
+    require(KNIGHT)
     base = mg.read(KNIGHT)["Walking_A"]
     turned = base.rotations.copy()
     swing = rotations.from_axis_angle([0, 1, 0], np.sin(np.arange(base.n_frames) / 5))

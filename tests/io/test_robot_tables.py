@@ -12,7 +12,15 @@ from mograft.io.robots.poses import Pose, to_motion, to_pose
 from mograft.motion import rotations
 from mograft.motion.hinges import TableLayout
 from tests.fuzz import robots as fuzz_robots
-from tests.io.robot_files import G1, G1_MODEL, needs_g1, random_robot, smooth_angles, to_mjcf
+from tests.io.robot_files import (
+    G1,
+    G1_MODEL,
+    needs_g1,
+    random_robot,
+    smooth_angles,
+    standing_pose,
+    to_mjcf,
+)
 from tests.strategies import SEEDS, few_examples
 
 pytestmark = pytest.mark.filterwarnings("ignore:frames per second of robot tables")
@@ -53,13 +61,7 @@ def walking_pose(model, heading, n_frames=60):
     left, right = (0.1 + 0.5 * np.maximum(side * np.cos(0.2 * time), 0) for side in (-1, 1))
     angles = np.stack([swing, left, -swing, right], axis=1)
     quats = np.tile(rotations.from_axis_angle([0, 0, 1], heading), (n_frames, 1))
-    still = to_motion(model, Pose(np.zeros((n_frames, 3)), quats, angles), TableLayout())
-    places = still.world_positions()
-    stance = places[..., 2].argmin(axis=1)[:-1]
-    steps = np.diff(places, axis=0)[np.arange(n_frames - 1), stance]
-    root = np.vstack([np.zeros(3), -np.cumsum(steps, axis=0)])
-    root[:, 2] = -places[..., 2].min(axis=1)
-    return Pose(root, quats, angles)
+    return standing_pose(model, quats, angles)
 
 
 def table_text(pose, order="xyzw", unit=1.0, *, degrees=False, digits=6, header=None):

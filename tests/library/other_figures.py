@@ -7,6 +7,7 @@ import numpy as np
 from mograft.body.anatomy import anatomy
 from mograft.io.rest_pose import RestPose, rebase
 from mograft.motion import rotations
+from tests.strategies import transform_motion, turn_motion
 
 
 def other_names(skeleton):
@@ -19,17 +20,6 @@ def other_names(skeleton):
         stem = name.removeprefix(side)
         names.append(f"{words.get(stem, stem)}{side and '_' + side[0]}".lower())
     return names
-
-
-def in_other_axes(motion, turn, scale, shift=(0.0, 0.0, 0.0)):
-    """The motion in another world: turned, in another unit, moved."""
-    quats, positions = motion.rotations.copy(), scale * motion.positions
-    quats[:, 0] = rotations.multiply(turn, quats[:, 0])
-    positions[:, 0] = rotations.rotate(turn, positions[:, 0]) + np.asarray(shift)
-    skeleton = motion.skeleton.with_offsets(scale * motion.skeleton.offsets)
-    return replace(
-        motion, skeleton=skeleton, rotations=quats, positions=positions, channel_values=None
-    )
 
 
 def with_other_rest_pose(motion, rng):
@@ -62,7 +52,7 @@ def with_other_rest_pose(motion, rng):
 def as_other_figure(motion, seed=0):
     """The motion in metres with z up, with other names and another rest pose."""
     turn = rotations.shortest_arc(np.eye(3)[1], np.eye(3)[2])
-    turned = in_other_axes(motion, turn, 0.01)
+    turned = turn_motion(transform_motion(motion, 0.01), turn)
     posed = with_other_rest_pose(turned, np.random.default_rng(seed))
     skeleton = replace(posed.skeleton, names=tuple(other_names(posed.skeleton)))
     return replace(posed, skeleton=skeleton, name=motion.name)

@@ -7,15 +7,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import mograft as mg
 from mograft.body.joint_matching import match_joints
 from mograft.body.mass import mass_model, up_axis
 from mograft.dancer import dance
 from mograft.io.smpl.body_models import SMPL, stand_in
 from mograft.library.spec import conform
 from mograft.motion import rotations
-from tests.library.other_figures import in_other_axes, other_names, with_other_rest_pose
-from tests.strategies import SEEDS, assert_same_rotations, few_examples
+from tests.hierarchies import with_joint_above_root
+from tests.library.other_figures import other_names, with_other_rest_pose
+from tests.strategies import (
+    SEEDS,
+    assert_same_rotations,
+    few_examples,
+    transform_motion,
+    turn_motion,
+)
 
 DANCE = dance(strides=1).motion[::20]
 SCALES = [1.0, 0.01, 1 / 2.54]  # to centimetres, metres and inches
@@ -26,7 +32,7 @@ SCALES = [1.0, 0.01, 1 / 2.54]  # to centimetres, metres and inches
 def test_conform_undoes_names_units_axes_and_rest_pose(seed, scale, up):
     rng = np.random.default_rng(seed)
     turn = rotations.shortest_arc(np.eye(3)[1], np.eye(3)[up])
-    posed = with_other_rest_pose(in_other_axes(DANCE, turn, scale), rng)
+    posed = with_other_rest_pose(turn_motion(transform_motion(DANCE, scale), turn), rng)
     skeleton = posed.skeleton
     posed = replace(posed, skeleton=replace(skeleton, names=tuple(other_names(skeleton))))
     assert not {*posed.skeleton.names} & {*DANCE.skeleton.names}
@@ -80,16 +86,9 @@ def test_conform_bones_keep_their_lengths_and_figure_its_unit_conversion():
     assert mass_model(result.skeleton).height == pytest.approx(height, rel=0.05)
 
 
-def with_carrier(motion):
-    """The skeleton below a helper joint on the floor."""
-    own = motion.skeleton
-    offsets = np.concatenate([np.zeros((1, 3)), own.offsets])
-    return mg.Skeleton(["Carrier", *own.names], [-1, *(own.parents + 1)], offsets)
-
-
 @pytest.mark.parametrize("root", [0, 1])
 def test_conform_root_carrier_without_counterpart_moves_only_if_it_is_the_root(root):
-    target = with_carrier(DANCE)
+    target = with_joint_above_root(DANCE, 0.0).skeleton
     result = conform(DANCE, target, up=1, root=root)
     np.testing.assert_allclose(result.world_positions()[:, 1:], DANCE.world_positions(), atol=1e-9)
     assert result.is_translated[:2].tolist() == [root == 0, root == 1]

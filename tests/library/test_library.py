@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import mograft as mg
-from mograft import JointGroups, Library, Motion, Skeleton, write_bvh
+from mograft import JointGroups, Library, write_bvh
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
+from tests.hierarchies import with_joint_above_root
 from tests.library.checks import DANCE
 from tests.oracles import analysis as oracle
 from tests.strategies import transform_motion
@@ -135,16 +136,9 @@ def test_candidates_list_reasons_and_check_arguments(library):
 
 def test_build_root_is_that_of_most_clips():
     """One clip moves by the joint above the hips, two by the hips."""
-    names = ["Dummy", *DANCE.skeleton.names]
-    parents = [-1, *(DANCE.skeleton.parents + 1)]
-    offsets = np.concatenate([np.zeros((1, 3)), DANCE.skeleton.offsets])
-    skeleton = Skeleton(names, parents, offsets)
-    still = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (DANCE.n_frames, 1, 4))
-    by_hips = np.concatenate([np.zeros((DANCE.n_frames, 1, 3)), DANCE.positions], axis=1)
-    by_dummy = by_hips.copy()
-    by_dummy[:, 0], by_dummy[:, 1] = by_hips[:, 1], 0.0
-    quats = np.concatenate([still, DANCE.rotations], axis=1)
-    hips, dummy = (Motion(skeleton, 1 / 30, quats, p) for p in (by_hips, by_dummy))
+    hips, dummy = (with_joint_above_root(DANCE, share) for share in (0.0, 1.0))
+    assert [own.locomotion_root() for own in (hips, dummy)] == [1, 0]
+    names = list(hips.skeleton.names)
     groups = JointGroups({"low": names[:8], "high": names[8:]}, base="low")
     library = Library.build([dummy[:160], hips[160:320], hips[320:480]], groups)
     assert library.root == 1

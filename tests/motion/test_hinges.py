@@ -17,6 +17,24 @@ from tests.strategies import SEEDS, few_examples, smooth_rotations
 RATE = 30.0
 
 
+def skeleton_of(parents, offsets, joints, axes, limits):
+    """A skeleton with hinges of any speed at some joints; the other ones are fixed."""
+    n, n_joints = len(joints), len(parents)
+    hinges = Hinges(
+        tuple(f"h{joint}" for joint in joints),
+        np.asarray(joints),
+        axes,
+        limits=limits,
+        speeds=np.full(n, 1e9),
+        bodies=np.array([0, *joints]),
+        frames=np.tile(rotations.IDENTITY, (n_joints, 1)),
+        origins=np.zeros((n_joints, 3)),
+        centers=np.zeros((n_joints, 3)),
+        masses=np.ones(n_joints),
+    )
+    return Skeleton([f"b{j}" for j in range(n_joints)], parents, offsets, hinges=hinges)
+
+
 def random_skeleton(rng, n_joints=7):
     """A skeleton with hinges at random axes; some joints are fixed."""
     parents = np.array([-1, *(int(rng.integers(joint)) for joint in range(1, n_joints))])
@@ -25,20 +43,9 @@ def random_skeleton(rng, n_joints=7):
     joints = np.flatnonzero(is_hinge)
     n = len(joints)
     axes = rng.normal(size=(n, 3))
-    hinges = Hinges(
-        tuple(f"h{joint}" for joint in joints),
-        joints,
-        axes / np.linalg.norm(axes, axis=1, keepdims=True),
-        limits=np.stack([rng.uniform(-2.0, -1.0, n), rng.uniform(0.0, 1.0, n)], axis=1),
-        speeds=np.full(n, 1e9),
-        bodies=np.array([0, *joints]),
-        frames=np.tile(rotations.IDENTITY, (n_joints, 1)),
-        origins=np.zeros((n_joints, 3)),
-        centers=np.zeros((n_joints, 3)),
-        masses=np.ones(n_joints),
-    )
-    offsets = rng.uniform(-0.3, 0.3, (n_joints, 3))
-    return Skeleton([f"b{j}" for j in range(n_joints)], parents, offsets, hinges=hinges)
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    limits = np.stack([rng.uniform(-2.0, -1.0, n), rng.uniform(0.0, 1.0, n)], axis=1)
+    return skeleton_of(parents, rng.uniform(-0.3, 0.3, (n_joints, 3)), joints, axes, limits)
 
 
 def motion_on_hinges(skeleton, rng, n_frames, share=0.8):
@@ -58,6 +65,14 @@ def off_axis(hinges, quats):
     return 2 * np.arcsin(np.minimum(np.linalg.norm(own[..., :3] - along, axis=-1), 1)).max()
 
 
+def assert_within_limits(hinges, quats, reference, atol):
+    """Angles are within the limits, or within those of the reference."""
+    angles, known = hinges.angles(quats), hinges.angles(reference)
+    low, high = hinges.limits.T
+    assert (angles >= np.minimum(low, known.min(axis=0)) - atol).all()
+    assert (angles <= np.maximum(high, known.max(axis=0)) + atol).all()
+
+
 @few_examples(40)
 @given(seed=SEEDS, n_frames=st.integers(1, 60))
 def test_hinges_keep_random_rotations_turn_about_axes_within_limits(seed, n_frames):
@@ -75,11 +90,7 @@ def test_hinges_keep_random_rotations_turn_about_axes_within_limits(seed, n_fram
     np.testing.assert_array_equal(result[:, fixed, :3], 0)
     np.testing.assert_array_equal(result[:, ~is_moved], quats[:, ~is_moved])
     np.testing.assert_array_equal(result[:, 0], quats[:, 0])
-    given_angles, angles = hinges.angles(base.rotations), hinges.angles(result)
-    low = np.minimum(hinges.limits[:, 0], given_angles.min(axis=0))
-    high = np.maximum(hinges.limits[:, 1], given_angles.max(axis=0))
-    assert (angles >= low - 1e-12).all()
-    assert (angles <= high + 1e-12).all()
+    assert_within_limits(hinges, result, base.rotations, 1e-12)
 
 
 @few_examples(30)
@@ -142,8 +153,7 @@ def test_hinges_keep_speeds_stay_within_limits_or_those_of_the_base(seed, share,
     angles, given_angles = hinges.angles(result), hinges.angles(base.rotations)
     steps = np.abs(np.diff(given_angles, axis=0)).max(axis=0)
     assert (np.abs(np.diff(angles, axis=0)) <= np.maximum(hinges.speeds / RATE, steps) + 1e-9).all()
-    low = np.minimum(hinges.limits[:, 0], given_angles.min(axis=0))
-    assert (angles >= low - 1e-9).all()
+    assert_within_limits(hinges, result, base.rotations, 1e-9)
 
 
 @few_examples(30)
@@ -189,21 +199,8 @@ def test_hinges_keep_limited_speed_does_not_jump_and_far_frames_stay(seed, share
 def test_hinges_keep_three_hinges_follow_a_rotation(seed, size):
     """Yaw, roll and pitch of a waist take over a rotation of the first joint, to second order."""
     rng = np.random.default_rng(seed)
-    parents, n = np.arange(-1, 3), 4
-    wide = [-3.0, 3.0]
-    hinges = Hinges(
-        ("yaw", "roll", "pitch"),
-        np.array([1, 2, 3]),
-        np.eye(3)[[2, 0, 1]],
-        limits=np.array([wide] * 3),
-        speeds=np.full(3, 1e9),
-        bodies=np.arange(n),
-        frames=np.tile(rotations.IDENTITY, (n, 1)),
-        origins=np.zeros((n, 3)),
-        centers=np.zeros((n, 3)),
-        masses=np.ones(n),
-    )
-    skeleton = Skeleton(["base", "a", "b", "c"], parents, np.zeros((n, 3)), hinges=hinges)
+    n, axes, limits = 4, np.eye(3)[[2, 0, 1]], np.tile([-3.0, 3.0], (3, 1))
+    skeleton = skeleton_of(np.arange(-1, 3), np.zeros((n, 3)), [1, 2, 3], axes, limits)
     quats = np.tile(rotations.IDENTITY, (5, n, 1))
     axis = rng.normal(size=3)
     wanted = rotations.from_axis_angle(axis, size)
@@ -223,11 +220,7 @@ def test_resample_robot_keeps_hinges_and_limits(seed, rate):
     base = motion_on_hinges(skeleton, rng, 30, share=1.1)
     new = base.resample(rate)
     assert off_axis(hinges, new.rotations) <= 1e-9
-    angles, source = hinges.angles(new.rotations), hinges.angles(base.rotations)
-    low = np.minimum(hinges.limits[:, 0], source.min(axis=0))
-    high = np.maximum(hinges.limits[:, 1], source.max(axis=0))
-    assert (angles >= low - 1e-12).all()
-    assert (angles <= high + 1e-12).all()
+    assert_within_limits(hinges, new.rotations, base.rotations, 1e-12)
 
 
 @few_examples(30)

@@ -345,15 +345,6 @@ def test_listed_cost_with_constraints_is_that_of_the_search(library, choice, kin
     assert n_compared
 
 
-def test_listed_candidates_with_a_seam_constraint_are_refused_by_its_limit(library):
-    found = [mg.candidates(library, i, "upper", [mc.MaxAngle(0.15)]) for i in range(0, 60, 5)]
-    wide = [c for own in found for c in own.refused if "is above 8.6°" in c.refused]
-    assert wide
-    for candidate in wide:
-        assert max(candidate.gap_before, candidate.gap_after) > 0.15
-        assert candidate.cost > 900
-
-
 def test_list_candidates_lone_segment_lists_itself(make_pool):
     pool = make_pool(0, n=1)
     assert len(list_segment(pool, 0, ROBUST)) == 1

@@ -173,10 +173,7 @@ def search_again(
         penalties[position][path[position]] += INFEASIBLE_PENALTY * (1.0 + excess[position])
     for start, stop in find_runs(dilate(violated)).tolist():
         costs = trellis.costs.slice_within(path, start, stop)
-        if limit_factor != 1.0:
-            costs = costs.map_costs(
-                lambda own: np.where(is_infeasible(own), limit_factor * own, own)
-            )
+        costs = costs.map_costs(lambda own: np.where(is_infeasible(own), limit_factor * own, own))
         path[start:stop] = viterbi(costs.add_unary(penalties[start:stop]))
     return trellis.donor_sequence(path)
 
@@ -202,7 +199,10 @@ def _try_sequences(
             ]
             if not windows:
                 break
-            amounts = _kept_amounts(problem, group, chosen, trellis)
+            found = candidate_violations(problem, group, chosen)
+            listed = zip(found, problem.candidates[group], trellis.candidates, strict=True)
+            # By how much the candidates of the trellis violate hard constraints, at each position.
+            amounts = [own.hard[np.searchsorted(every, kept)] for own, every, kept in listed]
             for start, stop in windows:
                 first, last, trials = list_trials(
                     trellis, amounts, trellis.path(chosen[group]), start, stop
@@ -267,15 +267,6 @@ _TRIALS = (
     (0, _trials_between_base_segments),
     (1, _trials_between_base_segments),
 )
-
-
-def _kept_amounts(
-    problem: SearchProblem, group: str, chosen: DonorSequences, trellis: DonorTrellis
-) -> list[FloatArray]:
-    """Return, for each position, by how much candidates of a trellis violate hard constraints."""
-    found = candidate_violations(problem, group, chosen)
-    listed = zip(found, problem.candidates[group], trellis.candidates, strict=True)
-    return [own.hard[np.searchsorted(everyone, kept)] for own, everyone, kept in listed]
 
 
 def _least_violating(

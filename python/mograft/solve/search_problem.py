@@ -77,16 +77,25 @@ def resolve_segments(
                 f"{join_names(groups)}; got {group!r}{suggest_groups(group, groups)}"
             )
     return [
-        replace(
-            constraint,
-            segment=None,
-            frames=_base_frames(constraint, base_segments),
-            donor=_donor_frames(constraint, library),
-        )
+        _resolve(constraint, base_segments, library)
         if isinstance(constraint, Use | Ban)
         else constraint
         for constraint in constraints
     ]
+
+
+def _resolve(constraint: Use | Ban, base_segments: Segments, library: Library) -> Use | Ban:
+    """Return a constraint with frames and donor resolved; the error names what is wrong in both."""
+    try:
+        frames = _base_frames(constraint, base_segments)
+    except ValueError as error:
+        try:
+            _donor_frames(constraint, library)
+        except ValueError as other:
+            raise ValueError(f"{error} {other}") from None
+        raise
+    donor = _donor_frames(constraint, library)
+    return replace(constraint, segment=None, frames=frames, donor=donor)
 
 
 def used_donors(
@@ -360,12 +369,8 @@ class SearchProblem:
 
     def count_alternatives(self, group: str) -> IntArray:
         """Return how many candidates other than the base segment each position has."""
-        lists = self.candidates[group]
-        counts = np.array([len(own) for own in lists], np.int64)
-        others = np.concatenate(lists) != np.repeat(self.scenario, counts)
-        stops = np.cumsum(counts)
-        n_others = np.append(0, np.cumsum(others))
-        return n_others[stops] - n_others[stops - counts]
+        pairs = zip(self.candidates[group], self.scenario, strict=True)
+        return np.array([np.count_nonzero(own != base) for own, base in pairs], np.int64)
 
     def positions_with(self, excess: FloatArray) -> BoolArray:
         """Return whether each position has a frame in which `excess` is above 0.
