@@ -1,7 +1,7 @@
 """The constants of the program that were chosen on recordings, and those recordings.
 
 A source on which a constant was chosen is a development source; no conclusion about held-out
-recordings rests on it. The values are checked against the program (`tests/evidence`).
+recordings rests on it. The values are checked against the program (`tests/lab`).
 """
 
 from dataclasses import dataclass

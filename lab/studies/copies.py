@@ -1,12 +1,12 @@
-"""Measure how new motions are whose base the library holds a second time.
+"""Measure how new grafts are if the library also holds a copy of their base.
 
 ``python -m lab copies FOLDER...`` takes every folder as one source, like ``variety``, and prints
 the share of frames in which a grafted joint differs from the base by more than 5°:
 
-- ``piece``: of grafts of ten seconds of the longest clip, in a library of these and all clips;
-- ``stream``: of the pieces of a stream over the longest clip of its library.
+- ``piece``: the base is a clip of ten seconds, cut from the longest clip of the library;
+- ``stream``: the base of a stream is the longest clip of its library.
 
-Without exclusion of copies, the captured part would be the cheapest donor, and the share near 0.
+If copies could be donors, the captured part would be the cheapest one, and the share near 0.
 """
 
 import argparse

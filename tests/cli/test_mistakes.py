@@ -181,14 +181,14 @@ MISTAKES = [
     ("graft a.bvh -o x --avoid cube:0,0,0,1", USAGE, "got cube"),
     ("graft a.bvh -o x --avoid sphere:0,0,0", USAGE, "expected X,Y,Z,RADIUS, got 0,0,0"),
     ("graft a.bvh -o x --scenario graph --base b.bvh", USAGE, "--base cannot be combined with"),
-    ("graft a.bvh -o x --base b.bvh --duration 9", USAGE, "graph, which makes a base of its own, "
-     "in place of --base"),
+    ("graft a.bvh -o x --base b.bvh --duration 9", USAGE, "graph, which makes a base itself: leave "
+     "--base out"),
     ("graft a.bvh -o x --take 900=a:10-20", RUNTIME, "289-299; did you mean 41? donor of "
      "--take must be a segment of a, got 10-20; most of frames 10-20 is in segment 1, frames 6-16"),
     ("graft a.bvh -o x --change upper@60-90=b@10-30", USAGE, "mean 'upper@60-90=b:10-30'?"),
     ("lib verify lib/manifest.json", RUNTIME, "is a file of a library; did you mean 'lib'?"),
     ("find walk lib -o x.csv", USAGE, "got x.csv; --json prints the results as data"),
-    ("graft a.bvh -o x.fbx", USAGE, "got x.fbx; .fbx is only read: write .glb"),
+    ("graft a.bvh -o x.fbx", USAGE, "got x.fbx; mograft reads .fbx, but does not"),
     ("graft a.bvh -o x --avoid box:0,0,0,2,2,-2", USAGE, "HX,HY,HZ must not be negative"),
     ("studio text", USAGE, "text is neither a motion file, nor a project.json or a library"),
     ("graft a.bvh -o x --duration 9", USAGE, "--duration requires --scenario graph"),

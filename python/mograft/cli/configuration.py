@@ -165,9 +165,10 @@ def selected_skeleton(options: SkeletonOptions) -> Skeleton | None:
         rates = dict(options.fps) or None
         return read_model(options.model, quaternion=options.quaternion, rate=rates)
     for given in options.given("quaternion", "fps"):
-        lack = "a frame rate" if given == "fps" else "an order of quaternions"
+        lack = "frame rate" if given == "fps" else "order of quaternions"
         raise UsageError(
-            f"--{given} requires --model, the MJCF or URDF of a robot: only its tables lack {lack}"
+            f"--{given} requires --model, the MJCF or URDF file of a robot: only files of robots, "
+            f"which are tables, may have no {lack}"
         )
     if name is None:
         return None
@@ -318,7 +319,7 @@ def check_combinations(options: GraftOptions) -> None:
     names = options.changed()
     given = [name for name in _GRAPH_OPTIONS if name in names]
     if given and options.scenario != "graph":
-        other = ", which makes a base of its own, in place of --base" * ("base" in names)
+        other = ", which makes a base itself: leave --base out" * ("base" in names)
         raise UsageError(f"--{given[0]} requires --scenario graph{other}")
     for name, others in _CONFLICTS.items():
         for other in others:

@@ -117,7 +117,7 @@ def with_command(graft: Graft, options: Options, sources: Sequence[str]) -> Graf
 
 
 def new_command(options: GraftOptions) -> str:
-    """Return the command that makes motions as that of the graft of ``--from``, with `options`."""
+    """Return the command that made the graft of ``--from``, with the other words of this one."""
     source = options.from_ or ""
     words = [word for word in options.words if word not in ("--from", source, f"--from={source}")]
     try:

@@ -85,7 +85,7 @@ def resolve_segments(
 
 
 def _resolve(constraint: Use | Ban, base_segments: Segments, library: Library) -> Use | Ban:
-    """Return a constraint with frames and donor resolved; the error names what is wrong in both."""
+    """Resolve the segment and the donor of a constraint; one error reports both if invalid."""
     try:
         frames = _base_frames(constraint, base_segments)
     except ValueError as error:

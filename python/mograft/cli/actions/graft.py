@@ -142,8 +142,8 @@ def _run_replay(options: GraftOptions) -> int:
     for field, name in options.changed().items():
         if field not in (*options.origins, *allowed):
             raise UsageError(
-                f"--{name} cannot be combined with --from, which makes a graft again; --change, "
-                "--take, --ban and --keep change parts of it; for other motions: "
+                f"--{name} cannot be combined with --from, which repeats a graft; --change, "
+                "--take, --ban and --keep change parts of it; new motions from the same files: "
                 f"{graft_files.new_command(options)}"
             )
     source, path = options.from_ or "", options.output

@@ -143,8 +143,8 @@ class DonorOptions(Options, section="donors"):
     """Options for the segments that may be donors."""
 
     take: tuple[values.Take, ...] = option(
-        "donor that a base segment must have: the segment of CLIP with frames FIRST-LAST, as "
-        "mograft candidates lists them, of any cluster and duration; SEGMENT is the index of the "
+        "donor that a base segment must have: the segment of CLIP with frames FIRST-LAST, from "
+        "mograft candidates or any other, however long and similar; SEGMENT is the index of the "
         "base segment, from 0, or its frames FIRST-LAST; GROUP:SEGMENT selects one of several "
         "exchanged groups; may be repeated"
     )

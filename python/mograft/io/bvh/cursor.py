@@ -152,7 +152,7 @@ class Cursor:
         return match.group(1)
 
     def skip_text(self, text: bytes) -> bool:
-        """Move after `text` if it and then another word follow; return whether they do."""
+        """Move to the end of `text` if it follows, and a word behind it; return whether it does."""
         end = self.offset + len(text)
         if (
             not self.buffer.startswith(text, self.offset)

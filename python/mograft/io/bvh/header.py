@@ -107,7 +107,8 @@ def _check_label(cursor: Cursor, label: bytes, expected: bytes) -> None:
 _latest: tuple[bytes, Skeleton] | None = None
 """Text and skeleton of the last hierarchy that was read without a repair.
 
-Files of one database mostly begin with the same text, whose parsing takes longer than their frames.
+It is used again for a file that begins with the same text, as most files of one database do:
+parsing this text takes longer than reading the frames.
 """
 
 
