@@ -11,6 +11,7 @@ import warnings
 SECTIONS = {
     "experiments": "lab.experiments.run",
     "compare": "lab.studies.compare",
+    "copies": "lab.studies.copies",
     "figures": "lab.figures",
     "delays": "lab.studies.delays",
     "feet": "lab.studies.feet",

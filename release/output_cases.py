@@ -292,7 +292,6 @@ GRAFT_OPTIONS = """
     --set alignment=dtw
     --set torso=pelvis
     --set torso=world
-    --set torso=balanced
     --set feet=never
     --set feet=auto --groups clips/upper_base.toml
     --set self_repair=false

@@ -307,7 +307,10 @@ def test_recordings_of_a_library_are_not_overwritten(run, succeed, clip):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("graft a.bvh --speed 2 -o b.bvh", "graft has no option --speed; mograft play has it"),
+        (
+            "graft a.bvh --speed 2 -o b.bvh",
+            "graft has no option --speed; mograft play FILE ... --vmc HOST[:PORT] has it",
+        ),
         ("find walk", "walk is read as LIB, the last word; before it give the clip or file"),
         ("view a.bvh -o v.png", "mograft plot strip draws .png"),
         ("play a.bvh --vmc 39539", "must be HOST or HOST:PORT"),

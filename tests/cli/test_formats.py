@@ -124,7 +124,7 @@ def test_graft_glb_count_two_writes_both_to_one_file(run, succeed, figure, tmp_p
     assert (again["b_graft1"].rotations == clips["b_graft1"].rotations).all()
     code, _, err = run("graft", "--from", out, "-o", tmp_path / "two.glb")
     assert code == 3
-    assert "out.glb#b_graft0, got none" in err
+    assert "out.glb#b_graft0, got no name" in err
     code, _, err = run("graft", figure, "-o", out)
     assert code == 1
     assert "out.glb exists; use --force to overwrite" in err

@@ -63,10 +63,19 @@ def test_help_has_at_most_45_lines_and_help_all_has_all_options(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("plot strip a.bvh -o x.png --count 11", "no option --count; mograft graft has it"),
-        ("demo --swap arms", "no option --swap; mograft graft has it"),
-        ("graft a.bvh --speed 2", "no option --speed; mograft play has it"),
-        ("check a.bvh --nowhere 0-9", "no option --nowhere; mograft check --help-all lists all"),
+        (
+            "plot strip a.bvh -o x.png --count 11",
+            "no option --count; mograft graft [LIB|FILE ...] -o PATH has it",
+        ),
+        ("demo --swap arms", "no option --swap; mograft graft [LIB|FILE ...] -o PATH has it"),
+        (
+            "graft a.bvh --speed 2",
+            "no option --speed; mograft play FILE ... --vmc HOST[:PORT] has it",
+        ),
+        (
+            "check a.bvh --nowhere 0-9",
+            "no option --nowhere; mograft check --help-all lists all options",
+        ),
     ],
 )
 def test_option_of_another_command_is_named_with_it(usage_error, words, message):

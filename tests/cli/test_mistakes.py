@@ -21,10 +21,10 @@ MISTAKES = [
     ("graft a.bvh -o x --reach 9:LeftHnd:0,90,0", RUNTIME, "'LeftHnd'; did you mean 'LeftHand'?"),
     ("graft lib -o x --base walkk", RUNTIME, "got 'walkk'; did you mean 'walk'?"),
     ("graft a.bvh -o x --swap arms", RUNTIME, "--swap must name groups other than the base group "
-     "'lower', got 'arms': choose from upper; --groups lower_torso_arms, of files or of a new "
-     "library, has the groups lower, torso, arms"),
+     "'lower', got 'arms': choose from upper; --groups lower_torso_arms has the groups lower, "
+     "torso, arms"),
     ("candidates a.bvh --segment 1 --group larm", RUNTIME, "got 'larm'; --groups "
-     "lower_torso_larm_rarm, of files or of a new library, has the groups lower, torso, larm,"),
+     "lower_torso_larm_rarm has the groups lower, torso, larm,"),
     ("graft a.bvh -o x --groups arms", USAGE, "arms is no preset: use --groups lower_torso_arms "
      "--swap arms"),
     ("graft a.bvh -o x --reach 9:hand.l:0,90,0", RUNTIME, "no joint is named 'hand.l'; did you "
@@ -35,10 +35,10 @@ MISTAKES = [
     ("graft a.bvh -o x --swap lower", USAGE, "set another base there, and give the motion files"),
     ("graft a.bvh -o x --swap uper", RUNTIME, "choose from upper; did you mean 'upper'?"),
     ("graft a.bvh -o x --only-from aa", RUNTIME, "--only-from must match at least one of a; got"),
-    ("graft a.bvh -o x --only-tagged slow", RUNTIME, "--only-tagged must be empty, because"),
+    ("graft a.bvh -o x --only-tagged slow", RUNTIME, "--only-tagged must be left out, as"),
     ("graft a.bvh -o x --take 3=aa:0-9", RUNTIME, "got 'aa'; did you mean 'a'?"),
     ("candidates lib --segment 1 --clip walkk", RUNTIME, "--clip must be a clip, one of dance,"),
-    ("candidates a.bvh --segment 1 --group lower", RUNTIME, "--group must not be the base"),
+    ("candidates a.bvh --segment 1 --group lower", RUNTIME, "--group must be one of upper, not"),
     ("candidates a.bvh --segment 1 --group uper", RUNTIME, "got 'uper'; did you mean 'upper'?"),
     ("plot pca a.bvh -o x.png --group lowr", RUNTIME, "got 'lowr'; did you mean 'lower'?"),
     ("view lib --clip walkk -o x.html", RUNTIME, "got 'walkk'; did you mean 'walk'?"),
@@ -100,10 +100,10 @@ MISTAKES = [
     ("find lib", USAGE, "before it give the clip or file to find, or --text WORDS"),
     ("find wlk lib", RUNTIME, "CLIP|FILE must be a clip, one of dance, walk; got 'wlk'; did you"),
     ("find walk lib --part arms", RUNTIME, "--part must be one of lower, upper, got 'arms'; "
-     "--groups lower_torso_arms, of files or of a new library, has the groups lower,"),
-    ("curate lib --part arms", RUNTIME, "--groups lower_torso_arms, of files or"),
-    ("candidates lib --segment 1 --group arms", RUNTIME, "lower_torso_arms, of files or"),
-    ("graft lib -o x --swap arms", RUNTIME, "--groups lower_torso_arms, of files or"),
+     "a new library, by mograft index FILE -o LIB --groups lower_torso_arms, has the groups"),
+    *((words, RUNTIME, "; a new library, by mograft index FILE -o LIB --groups lower_torso_arms,")
+      for words in ("curate lib --part arms", "candidates lib --segment 1 --group arms",
+                    "graft lib -o x --swap arms")),
     *((f"{words} tags.csv{rest}", INVALID, "other tables are no motions, which are .bvh, .glb, "
        ".fbx or .npz: one of clips and their tags is for mograft index --tags ") for words, rest
       in (("check", ""), ("info", ""), ("graft", " -o x"), ("view", " -o x.html"))),
@@ -125,20 +125,22 @@ MISTAKES = [
     ("graft a.bvh -o x --model robot.xml", USAGE, "--model requires motions of a robot, such as"),
     ("graft a.bvh -o x --model a.bvh", INVALID, "line 1: expected XML of a robot (MJCF, URDF):"),
     ("evaluate a.bvh speed", USAGE, "expected a file or one of quality, world, detectability,"),
-    ("graft a.bvh -o x --swap right_arm", RUNTIME, "--groups lower_torso_larm_rarm, of files or"),
+    ("graft a.bvh -o x --swap right_arm", RUNTIME, "; --groups lower_torso_larm_rarm has"),
     ("graft a.bvh -o x --groups larm,rarm", USAGE, "larm,rarm is no preset: use --groups "
      "lower_torso_larm_rarm --swap larm,rarm"),
-    ("plot pca a.bvh -o x.png --group arms", RUNTIME, "--groups lower_torso_arms, of files or"),
+    ("plot pca a.bvh -o x.png --group arms", RUNTIME, "; --groups lower_torso_arms has the"),
     ("graft a.bvh -o x --groups lower_torso_arms --swap left_hand", RUNTIME, "--groups "
-     "lower_torso_larm_rarm, of files or of a new library"),
-    ("graft a.bvh -o x --ban head:3", RUNTIME, "--groups lower_torso_head_larm_rarm, of files or"),
+     "lower_torso_larm_rarm has the groups"),
+    ("graft a.bvh -o x --ban head:3", RUNTIME, "--groups lower_torso_head_larm_rarm has"),
     ("groups a.bvh --preset arms", USAGE, "arms is no preset: use lower_torso_arms"),
     ("graft a.bvh -o x --outputs 3", USAGE, "did you mean '-n', the number of motions?"),
     ("curate lib -n 3", USAGE, "unexpected words -n 3; did you mean '--keep', how much"),
     ("augment lib -o x -n 2 --split 50", RUNTIME, "--split must be a CSV file of clips and parts"),
     ("graft a.bvh -o x --reach 30:LeftHand:@sword+0,0,0", RUNTIME, "no joint or body part is named "
      "'sword', but Hips, LeftUpLeg, LeftLeg, "),
-    ("graft a.bvh -o x --avoid sphere:0,0,0,500", INFEASIBLE, "mograft export BASE -o new.bvh "
+    ("graft a.bvh -o x --avoid sphere:0,0,0,500", INFEASIBLE, "another --base, or add "
+     "--best-effort"),
+    ("graft a.bvh -o x --avoid sphere:-114,85,183,20", INFEASIBLE, "mograft export BASE -o new.bvh "
      "--avoid ... leads a walk round an obstacle"),
     # Outputs
     ("graft a.bvh", USAGE, "one of -o and --into is required, got none"),
@@ -179,6 +181,16 @@ MISTAKES = [
     ("graft a.bvh -o x --avoid cube:0,0,0,1", USAGE, "got cube"),
     ("graft a.bvh -o x --avoid sphere:0,0,0", USAGE, "expected X,Y,Z,RADIUS, got 0,0,0"),
     ("graft a.bvh -o x --scenario graph --base b.bvh", USAGE, "--base cannot be combined with"),
+    ("graft a.bvh -o x --base b.bvh --duration 9", USAGE, "graph, which makes a base of its own, "
+     "in place of --base"),
+    ("graft a.bvh -o x --take 900=a:10-20", RUNTIME, "289-299; did you mean 41? donor of "
+     "--take must be a segment of a, got 10-20; most of frames 10-20 is in segment 1, frames 6-16"),
+    ("graft a.bvh -o x --change upper@60-90=b@10-30", USAGE, "mean 'upper@60-90=b:10-30'?"),
+    ("lib verify lib/manifest.json", RUNTIME, "is a file of a library; did you mean 'lib'?"),
+    ("find walk lib -o x.csv", USAGE, "got x.csv; --json prints the results as data"),
+    ("graft a.bvh -o x.fbx", USAGE, "got x.fbx; .fbx is only read: write .glb"),
+    ("graft a.bvh -o x --avoid box:0,0,0,2,2,-2", USAGE, "HX,HY,HZ must not be negative"),
+    ("studio text", USAGE, "text is neither a motion file, nor a project.json or a library"),
     ("graft a.bvh -o x --duration 9", USAGE, "--duration requires --scenario graph"),
     ("graft a.bvh -o x --scenario graph --duration 1e300", RUNTIME, "at most 86400 s, got 1e+300"),
     ("graft a.bvh -o x --scenario graph --beats 60 --duration 0.5", RUNTIME,
@@ -190,8 +202,8 @@ MISTAKES = [
     ("export a.bvh -o x.gif --rate 100", RUNTIME, "--rate must be above 0 and at most 50"),
     ("export a.bvh -o x.gif --size 100x101", RUNTIME, "--size must be even numbers from 64"),
     ("plot timeline a.bvh -o x.png --frames 900-950", RUNTIME, "the first within 0-299, got (900"),
-    ("graft a.bvh -o x --max-stretch nan", USAGE, "must be a number of at least 0, got nan"),
-    ("export a.bvh -o x.glb --scale mile", USAGE, "m, cm, mm, inch, CMU or a number above 0"),
+    ("graft a.bvh -o x --max-stretch nan", USAGE, "must be a fraction from 0 to 3, such as 0.3"),
+    ("export a.bvh -o x.glb --scale mile", USAGE, "m, cm, mm, inch, CMU or the metres of a"),
     ("graft a.bvh -o x --set sigma_scale=nan", USAGE, "--set: `sigma_scale` must be above 0"),
     ("graft a.bvh -o x --reach 5:Hand:1,2", USAGE, "expected FRAME:JOINT:X,Y,Z[~TOL]"),
     ("graft a.bvh -o x --avoid sphere:0,0,0,-1", USAGE, "`radius` must not be negative"),

@@ -17,7 +17,7 @@ from mograft.motion import rotations
 from tests.dialects import Dialect, clips, dialects, layouts, to_text
 from tests.fuzz.bvh import SEEDS, check
 from tests.hierarchies import clip_name, mark_repeated_hierarchies
-from tests.io.bvh_helpers import assert_same_numbers, assert_same_skeleton, read, round_trip
+from tests.io.bvh_helpers import TEXT, assert_same_numbers, assert_same_skeleton, read, round_trip
 from tests.io.recorded_files import ODD, ODD_FILES, RECORDINGS, require
 from tests.strategies import few_examples
 
@@ -51,6 +51,35 @@ def test_read_bvh_any_chunk_size_gives_same_motion(clip, dialect, size):
     assert_same_numbers(chunked.channel_values, whole.channel_values)
     assert chunked.repairs == whole.repairs == summary.repairs
     assert summary.n_frames == whole.n_frames
+
+
+def _outcome(text, *, strict):
+    """Return what is read from a text, or the error."""
+    try:
+        motion = read(text, strict=strict)
+    except mg.BvhError as error:
+        return str(error)
+    own = motion.skeleton
+    sites = [(site.parent, site.before, site.name, site.offset.tobytes()) for site in own.end_sites]
+    tree = own.names, own.channels, own.parents.tolist(), own.offsets.tobytes(), sites
+    return tree, motion.channel_values.tobytes(), motion.repairs
+
+
+@settings(max_examples=150)
+@given(clips(), st.data(), st.booleans())
+def test_read_bvh_result_does_not_depend_on_the_file_before(clip, data, strict):
+    """A file with nearly the hierarchy of the one before, beside one with another before."""
+    text = TEXT.encode() if data.draw(st.booleans()) else to_text(clip, Dialect())
+    end = text.index(b"MOTION")
+    place = data.draw(st.integers(0, end + 8) | st.integers(end - 9, end))
+    n_removed, added = data.draw(
+        st.sampled_from([(0, b" "), (0, b"}"), (1, b""), (1, b"7"), (0, b"")])
+    )
+    other = text[:place] + added + text[place + n_removed :]
+    read(TEXT.replace("Hips", "Root"))
+    expected = _outcome(other, strict=strict)
+    read(text)
+    assert _outcome(other, strict=strict) == expected
 
 
 @few_examples(40)

@@ -10,7 +10,7 @@ import mograft as mg
 from mograft import formats
 from mograft.motion import limits
 from tests.hierarchies import human
-from tests.io import fbx_scenes
+from tests.io import bvh_helpers, fbx_scenes
 from tests.io.npz_files import amass_arrays, kimodo_arrays
 
 N_FRAMES = 12
@@ -89,6 +89,7 @@ def test_file_beyond_limit_raises_error_with_file_value_and_limit(tmp_path, file
     n_above = 1 if limit == "levels" and path.suffix == ".glb" else 0
     with patch.object(limits, name, fulfilled + n_above):
         assert mg.read(path)[0].n_frames == N_FRAMES
+    bvh_helpers.read(bvh_helpers.TEXT)  # the reader remembers the hierarchy that it read last
     with patch.object(limits, name, violated):
         with pytest.raises(mg.FormatError, match=message.format(violated)) as caught:
             mg.read(path)[0]

@@ -42,8 +42,7 @@ def suggest_groups(name: object, groups: Collection[str]) -> str:
     presets = presets or [own for own, members in PRESETS.items() if _group_of(name) in members]
     if close or name in groups or not presets:
         return close
-    what = f"`groups={presets[0]}`, of files or of a new library,"
-    return f"; {what} has the groups {', '.join(PRESETS[presets[0]])}"
+    return f"; `groups={presets[0]}` has the groups {', '.join(PRESETS[presets[0]])}"
 
 
 def _group_of(name: object) -> str:

@@ -165,8 +165,10 @@ def selected_skeleton(options: SkeletonOptions) -> Skeleton | None:
         rates = dict(options.fps) or None
         return read_model(options.model, quaternion=options.quaternion, rate=rates)
     for given in options.given("quaternion", "fps"):
-        rate = ": only tables of robots lack a frame rate" if given == "fps" else ""
-        raise UsageError(f"--{given} requires --model{rate}")
+        lack = "a frame rate" if given == "fps" else "an order of quaternions"
+        raise UsageError(
+            f"--{given} requires --model, the MJCF or URDF of a robot: only its tables lack {lack}"
+        )
     if name is None:
         return None
     is_json = Path(name).suffix.lower() == ".json"
@@ -307,7 +309,8 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
     try:
         return _SHAPES[kind](*points, *([rest] * (len(numbers) % 3)))
     except ValueError as error:
-        raise UsageError(f"--avoid {kind}: {error}") from None
+        text = str(error).replace("`half`", "HX,HY,HZ")
+        raise UsageError(f"--avoid {kind}: {text}") from None
 
 
 def check_combinations(options: GraftOptions) -> None:
@@ -315,7 +318,8 @@ def check_combinations(options: GraftOptions) -> None:
     names = options.changed()
     given = [name for name in _GRAPH_OPTIONS if name in names]
     if given and options.scenario != "graph":
-        raise UsageError(f"--{given[0]} requires --scenario graph")
+        other = ", which makes a base of its own, in place of --base" * ("base" in names)
+        raise UsageError(f"--{given[0]} requires --scenario graph{other}")
     for name, others in _CONFLICTS.items():
         for other in others:
             if name in names and other in names:

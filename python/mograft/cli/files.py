@@ -134,6 +134,10 @@ def check_suffix(target: Path, *suffixes: str, is_folder: bool = False) -> None:
     hint = "" if suffix not in _EXPORTED else f"; mograft export writes {suffix} from a .bvh file"
     if suffix in (".png", ".svg", ".pdf"):
         hint = f"; mograft plot strip draws {suffix}"
+    elif suffix == ".fbx":
+        hint = "; .fbx is only read: write .glb for programs that read either"
+    elif suffix in (".csv", ".json", ".txt") and ".html" in suffixes:
+        hint = "; --json prints the results as data"
     raise UsageError(f"-o must be {expected}, got {target.name}{hint}")
 
 

@@ -15,6 +15,7 @@ from mograft.cli.syntax.options import GraftOptions
 from mograft.evaluation.robot_checks import feasible_limits, robot_checks
 from mograft.io.formats import SUFFIXES, split_address
 from mograft.library.library import Library
+from mograft.provenance.graft_record import read_record
 from mograft.provenance.writing import MOTION_SUFFIXES, files_of_graft
 from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import open_file
@@ -113,6 +114,23 @@ def with_command(graft: Graft, options: Options, sources: Sequence[str]) -> Graf
     """Return a copy of a graft whose `request` holds the command line and the files `sources`."""
     command = shlex.join(options.words)
     return replace(graft, request=replace(graft.request, command=command, sources=tuple(sources)))
+
+
+def new_command(options: GraftOptions) -> str:
+    """Return the command that makes motions as that of the graft of ``--from``, with `options`."""
+    source = options.from_ or ""
+    words = [word for word in options.words if word not in ("--from", source, f"--from={source}")]
+    try:
+        record = read_record(source)
+    except (OSError, ValueError):
+        return shlex.join(["mograft", "graft", "FILE", *words[2:]])
+    first = shlex.split(record.document["request"]["command"] or "")
+    if first[1:2] != ["graft"]:  # in Python, or by another command
+        first = ["mograft", "graft", *(record.sources or ["FILE"])]
+    elif "-o" in first:
+        at = first.index("-o")
+        del first[at : at + 2]
+    return shlex.join([*first, *words[2:]])
 
 
 def find_feasible(grafts: Sequence[Graft], library: Library) -> list[int]:

@@ -51,7 +51,14 @@ def with_flags(text: str, options: Options, *, is_advice: bool = False) -> str:
 
     def flag(match: re.Match[str]) -> str:
         name, value = match.groups()
-        is_option = hasattr(options, name) or name == "groups"  # of the library of find, curate
+        if name == "groups":
+            from mograft.cli.files import is_library  # takes long to import
+
+            files = getattr(options, "files", ())
+            is_fixed = not hasattr(options, name) or any(map(is_library, files))
+            words = f"--groups {value}"
+            return f"a new library, by mograft index FILE -o LIB {words}," if is_fixed else words
+        is_option = hasattr(options, name)
         return f"--{name} {value}" if is_option else f"--set {name}={value.lower()}"
 
     text = re.sub(r"`(\w+)=([^`]+)`", flag, text)

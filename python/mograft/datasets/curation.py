@@ -162,7 +162,8 @@ def curate(
     best = choose(high)
     if best.kept_share > keep:
         raise ValueError(
-            f"`keep` must be at least {best.kept_share:.4f}: a radius of {high:g} keeps that share"
+            f"`keep` must be at least {best.kept_share:.4f} ({best.kept_share:.1%}), which the "
+            f"largest radius, {high:g}, keeps"
         )
     for _ in range(_N_STEPS):
         middle = sqrt(low * high)

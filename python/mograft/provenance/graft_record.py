@@ -89,12 +89,13 @@ def read_record(source: str | PathLike[str] | Mapping[str, Any]) -> GraftRecord:
         return _read_beside(file.with_suffix(".json") if is_motion else file)[0]
     grafts = open_clips(path).grafts
     if name not in grafts and (name is not None or len(grafts) != 1):
-        known = (
-            f"a graft, as in {path}#{next(iter(grafts))}"
-            if grafts
-            else "a new motion of mograft graft"
+        if grafts:
+            known, given = next(iter(grafts)), name or "no name"
+            raise ProvenanceError(f"{path}: expected a graft, as in {path}#{known}, got {given}")
+        raise ProvenanceError(
+            f"{path}: expected a graft with its provenance, as mograft graft writes it; no motion "
+            "in this file has one: to make new motions of them, give the file without --from"
         )
-        raise ProvenanceError(f"{path}: expected {known}, got {name or 'none'}")
     return _held_record(file, name or next(iter(grafts)))
 
 

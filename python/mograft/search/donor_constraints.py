@@ -22,7 +22,7 @@ from mograft.search.constraints import (
     overlaps,
 )
 
-_NO_TAG = "empty, because no clip has a tag: mograft index --tags TABLE.csv gives them"
+_NO_TAG = "left out, as no clip has a tag: mograft index FILE -o LIB --tags TABLE.csv gives them"
 _NO_DONOR = "`donor` must be a segment index or (clip, first frame, last frame), got {!r}"
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft._util.validate import is_integer
+from mograft.errors import join_names
 from mograft.library.library import Library
 from mograft.search.candidates import Candidates, ConstraintVerdicts, list_candidates
 from mograft.search.constraints import Constraint
@@ -46,7 +47,11 @@ def candidates(
     if not is_integer(segment) or not 0 <= segment < len(library.segments):
         raise ValueError(f"`segment` must be 0 to {len(library.segments) - 1}, got {segment!r}")
     if group == library.groups.base:
-        raise ValueError(f"`group` must not be the base group, {group!r}, which is kept")
+        others = [own for own in library.groups.names if own != group]
+        raise ValueError(
+            f"`group` must be one of {join_names(others)}, not the base group, which is kept; "
+            f"got {group!r}"
+        )
     pool, config, verdicts = library.pool(group), library.config, None
     if constraints:
         verdicts = judge_candidates(library, segment, group, constraints)

@@ -77,16 +77,25 @@ def resolve_segments(
                 f"{join_names(groups)}; got {group!r}{suggest_groups(group, groups)}"
             )
     return [
-        replace(
-            constraint,
-            segment=None,
-            frames=_base_frames(constraint, base_segments),
-            donor=_donor_frames(constraint, library),
-        )
+        _resolve(constraint, base_segments, library)
         if isinstance(constraint, Use | Ban)
         else constraint
         for constraint in constraints
     ]
+
+
+def _resolve(constraint: Use | Ban, base_segments: Segments, library: Library) -> Use | Ban:
+    """Return a constraint with frames and donor resolved; the error names what is wrong in both."""
+    try:
+        frames = _base_frames(constraint, base_segments)
+    except ValueError as error:
+        try:
+            _donor_frames(constraint, library)
+        except ValueError as other:
+            raise ValueError(f"{error} {other}") from None
+        raise
+    donor = _donor_frames(constraint, library)
+    return replace(constraint, segment=None, frames=frames, donor=donor)
 
 
 def used_donors(

@@ -167,7 +167,7 @@ def _describe_hit(hit: Hit, rate: float) -> str:
 def run_curate(options: CurateOptions) -> int:
     """Choose clips of a library that are near all others."""
     if options.radius is not None and options.keep is not None:
-        raise UsageError("--keep cannot be combined with --radius")
+        raise UsageError("--keep cannot be combined with --radius: each decides how much is kept")
     output, is_table = options.output, False
     if output is not None:
         check_suffix(output, ".csv", is_folder=True)

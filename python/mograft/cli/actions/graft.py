@@ -106,7 +106,8 @@ def run(options: GraftOptions) -> int:
     if options.scenario == "original" and not options.best_effort:
         kept = kept_violations(library, base, constraints=constraints, swap=options.swap)
         if kept:
-            hint = _WAY_ROUND * bool(options.avoid)
+            is_later = min(violation.frames[0] for violation in kept) > 0  # else no way leads there
+            hint = _WAY_ROUND * (bool(options.avoid) and is_later)
             print_error(_KEPT_VIOLATIONS + hint, [violation.message for violation in kept])
             return 4
     grafts = _make_grafts(library, base, constraints, options)
@@ -141,8 +142,9 @@ def _run_replay(options: GraftOptions) -> int:
     for field, name in options.changed().items():
         if field not in (*options.origins, *allowed):
             raise UsageError(
-                f"--{name} cannot be combined with --from, which makes a graft again: for other "
-                "motions give files instead; --change, --take, --ban and --keep change parts of it"
+                f"--{name} cannot be combined with --from, which makes a graft again; --change, "
+                "--take, --ban and --keep change parts of it; for other motions: "
+                f"{graft_files.new_command(options)}"
             )
     source, path = options.from_ or "", options.output
     if os.path.isdir(source):

@@ -14,7 +14,7 @@ from mograft.cli.output import print_remark, print_result
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import StudioOptions
 from mograft.cli.syntax.options import ResultOptions
-from mograft.io.formats import split_address
+from mograft.io.formats import recognize_format, split_address
 from mograft.studio.project import FORMAT
 from mograft.studio.session import Session
 
@@ -30,6 +30,8 @@ def run_studio(options: StudioOptions) -> int:
         path = Path(split_address(name)[0])
         if not path.exists():
             raise FileNotFoundError(2, "No such file or directory", str(path))
+        if path.is_file() and path.suffix.lower() != ".json" and not recognize_format(path):
+            raise UsageError(f"{name} is neither a motion file, nor a project.json or a library")
     projects = [name for name in options.files if _is_project(Path(name))]
     if projects and len(options.files) > 1:
         raise UsageError(f"a project is opened alone, got {len(options.files)} files")

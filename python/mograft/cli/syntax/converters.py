@@ -34,7 +34,7 @@ _MAX_LENGTH = 100  # characters of a value that is corrected
 def _correct(text: str) -> Iterator[str]:
     """Yield a text with each typical mistake corrected."""
     yield from (re.sub(*own, text) for own in _CORRECTIONS)
-    for found in _MARK.finditer(text):
+    for found in reversed([*_MARK.finditer(text)]):
         for mark in (":", "@", "=", "+", ":@", ""):
             yield text[: found.start()] + mark + text[found.end() :]
 

@@ -119,7 +119,7 @@ class PlaceOptions(Options, section="where the hands go"):
     reach: tuple[values.Reach, ...] = option(
         "position of a joint, also relative to a @PART",
         details="in a frame or in all frames to LAST, within TOL skeleton heights "
-        f"(default: {values.REACH_TOLERANCE}); 120:LeftHand:@chest+0,0.1,0.4 is relative to the "
+        f"(default: {values.REACH_TOLERANCE}); 120:LeftHand:@chest+0,0,0.25 is relative to the "
         "chest, @LeftHand+0,0.1,0 to the present place of the hand: in skeleton heights to the "
         "left of the figure, up and forward; may be repeated",
     )
@@ -143,9 +143,10 @@ class DonorOptions(Options, section="donors"):
     """Options for the segments that may be donors."""
 
     take: tuple[values.Take, ...] = option(
-        "donor that a base segment must have: frames FIRST-LAST of CLIP, from any cluster and of "
-        "any duration; SEGMENT is the index of the base segment, from 0, or its frames FIRST-LAST; "
-        "GROUP:SEGMENT selects one of several exchanged groups; may be repeated"
+        "donor that a base segment must have: the segment of CLIP with frames FIRST-LAST, as "
+        "mograft candidates lists them, of any cluster and duration; SEGMENT is the index of the "
+        "base segment, from 0, or its frames FIRST-LAST; GROUP:SEGMENT selects one of several "
+        "exchanged groups; may be repeated"
     )
     ban: tuple[values.Ban, ...] = option(
         "donors that a base segment must not have: all segments of CLIP, or those that overlap its "
@@ -159,7 +160,7 @@ class DonorOptions(Options, section="donors"):
     not_from: values.Clips | None = setting("clips that must not provide donors, or globs")
     only_tagged: values.Tags | None = setting("tags of clips that may provide donors")
     not_tagged: values.Tags | None = setting("tags of clips that must not provide donors")
-    max_stretch: values.NonNegative | None = setting(
+    max_stretch: values.Stretch | None = setting(
         "maximum stretch of a donor, as a fraction of the base segment's duration (default: 0.15)"
     )
     max_angle: values.Degrees | None = setting("maximum seam angle in degrees (default: 45)")

@@ -186,8 +186,9 @@ def _check_names(parsers: Parsers, words: Sequence[str]) -> None:
                 own for own in parsers if own[:1] != path[:1] and _has_flag(parsers[own], name)
             ]
             if others:
-                hint = f"; mograft {' '.join(others[0])} has it"
-            hint = hint or f"; mograft {' '.join(path)} --help-all lists all"
+                usage = parsers[others[0]].usage or ""
+                hint = f"; {usage.removesuffix(' [options]')} has it"
+            hint = hint or f"; mograft {' '.join(path)} --help-all lists all options"
             parsers[path].error(f"{' '.join(path)} has no option {name}{hint}")
 
 
@@ -214,7 +215,7 @@ def parse(
     command: Command = found["command"]
     parser: argparse.ArgumentParser = found["parser"]
     if unknown:
-        hint = f"; {parser.prog} --help-all lists all"
+        hint = f"; {parser.prog} --help-all lists all options"
         if unknown[0] == "-n" and hasattr(known, "keep"):
             hint = "; did you mean '--keep', how much is kept?"
         parser.error(f"unexpected words {' '.join(unknown)}{hint}")

@@ -122,6 +122,8 @@ Donor = str | Taken | None
 
 def _donor(text: str) -> Donor:
     """Parse ``CLIP``, ``CLIP:FIRST-LAST`` or an empty text."""
+    if re.search(r"@[\d.]+s?-[\d.]+s?$", text):
+        raise ValueError("expected CLIP:FIRST-LAST")
     clip, _, span = text.rpartition(":")  # The name of a clip may contain colons.
     return (clip, *frames(span)) if clip and span[:1].isdecimal() else text or None
 
@@ -161,13 +163,13 @@ def change(text: str) -> Changed:
     """Parse a value of ``--change``: ``GROUP@FIRST-[LAST][=CLIP[:FIRST-LAST]]``."""
     where, equals, donor = text.partition("=")
     group, _, span = where.rpartition("@")
-    if not group or (equals and not donor):
+    if not group or "@" in group or (equals and not donor):
         raise ValueError
     within = (frame(span[:-1]), None) if span.endswith("-") else frames(span)
     return group, within, _donor(donor)
 
 
-@parser(f"must be {', '.join(UNITS)} or a number above 0")
+@parser(f"must be {', '.join(UNITS)} or the metres of a unit, such as 0.3048")
 def unit(text: str) -> float | str:
     """Parse a unit of length: one of the names `UNITS`, or a number of metres."""
     number: float | str = text if text in UNITS else _positive(text)
@@ -372,6 +374,8 @@ _distance = number(
     "an angle from 0 to 180, such as 5 (different motions are some 5 to 20 degrees apart)",
     lambda x: 0 <= x <= 180,
 )
+_stretch = number(float, "a fraction from 0 to 3, such as 0.3 for 30 %", lambda x: 0 <= x <= 3)
+_angle = number(float, "an angle in degrees, above 0 and at most 180", lambda x: 0 < x <= 180)
 _non_negative = number(float, "a number of at least 0", lambda x: 0 <= x < math.inf)
 
 Name = Annotated[str, Value("NAME")]
@@ -387,7 +391,8 @@ Rate = Annotated[float, Value("FPS", _positive)]
 Duration = Annotated[float, Value("S", _positive)]
 Tempo = Annotated[float, Value("BPM", _positive)]
 Speed = Annotated[float, Value("X", _positive)]
-Degrees = Annotated[float, Value("DEGREES", _positive)]
+Degrees = Annotated[float, Value("DEGREES", _angle)]
+Stretch = Annotated[float, Value("X", _stretch)]
 Turn = Annotated[float, Value("DEGREES", _turn)]
 Distance = Annotated[float, Value("DEGREES", _distance)]
 Size = Annotated[tuple[int, int], Value("WIDTHxHEIGHT", picture_size)]

@@ -151,6 +151,17 @@ class Cursor:
         self.offset = match.end()
         return match.group(1)
 
+    def skip_text(self, text: bytes) -> bool:
+        """Move after `text` if it and then another word follow; return whether they do."""
+        end = self.offset + len(text)
+        if (
+            not self.buffer.startswith(text, self.offset)
+            or match_end(_WORD, self.buffer, end) == end
+        ):
+            return False
+        self.offset = end
+        return True
+
     @property
     def has_lookahead(self) -> bool:
         """Whether the buffer holds enough text after the cursor for a word of maximum length."""

@@ -104,7 +104,26 @@ def _check_label(cursor: Cursor, label: bytes, expected: bytes) -> None:
         cursor.tolerate("label blank", f"no space after {text!r}")
 
 
+_latest: tuple[bytes, Skeleton] | None = None
+"""Text and skeleton of the last hierarchy that was read without a repair.
+
+Files of one database mostly begin with the same text, whose parsing takes longer than their frames.
+"""
+
+
 def _read_hierarchy(cursor: Cursor) -> Skeleton:
+    global _latest
+    latest = _latest
+    if latest is not None and cursor.skip_text(latest[0]):
+        return latest[1]
+    buffer, start, repairs = cursor.buffer, cursor.offset, cursor.repairs()
+    skeleton = _parse_hierarchy(cursor)
+    if cursor.buffer is buffer and cursor.repairs() == repairs:
+        _latest = buffer[start : cursor.offset], skeleton
+    return skeleton
+
+
+def _parse_hierarchy(cursor: Cursor) -> Skeleton:
     cursor.expect(b"HIERARCHY")
     cursor.expect(b"ROOT")
     tree = _Tree()

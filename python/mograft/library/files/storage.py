@@ -85,6 +85,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     try:
         document = parse_document((folder / MANIFEST).read_text(encoding="utf-8"))
     except NotADirectoryError as error:
+        if (folder.parent / MANIFEST).is_file():
+            raise LibraryError(
+                f"{folder} is a file of a library; did you mean {str(folder.parent)!r}?"
+            ) from error
         raise LibraryError(
             f"{folder} is not a mograft library: it is a file; mograft info describes motion "
             f"files, mograft index {folder} -o {folder.with_suffix('.mograft')} makes a library"
