@@ -8,6 +8,7 @@ import mograft as mg
 from mograft.dancer import dance
 from mograft.studio import sources
 from mograft.studio.session import Session
+from tests.browser import chromium
 
 N_FRAMES = 300
 
@@ -28,18 +29,31 @@ def known_libraries():
     return {}
 
 
+@pytest.fixture(scope="module")
+def browser():
+    """A headless Chromium."""
+    with chromium() as found:
+        yield found
+
+
+def build_once(known):
+    """Return a function that builds the library of a project, or takes it from a dict."""
+    build = sources.build
+
+    def build_unknown(project, progress):
+        key = sources.library_key(project)
+        if key not in known:
+            known[key] = build(project, progress)
+        return known[key]
+
+    return build_unknown
+
+
 @pytest.fixture
 def make_session(dances, known_libraries, tmp_path, monkeypatch):
     """Return a function that opens a session on the dances, or on a project."""
-    build, opened = sources.build, []
-
-    def build_once(project, progress):
-        key = sources.library_key(project)
-        if key not in known_libraries:
-            known_libraries[key] = build(project, progress)
-        return known_libraries[key]
-
-    monkeypatch.setattr(sources, "build", build_once)
+    opened = []
+    monkeypatch.setattr(sources, "build", build_once(known_libraries))
 
     def make(paths=("one.bvh", "two.bvh"), project=None, folder=tmp_path):
         session = Session(folder, project)

@@ -16,6 +16,7 @@ from mograft.library.origin import hash_poses
 from mograft.studio import sources
 from mograft.studio.actions.editing import is_locked
 from mograft.studio.session import Session
+from tests.studio.conftest import build_once
 
 N_FRAMES = 150
 frames = st.tuples(st.integers(0, N_FRAMES - 1), st.integers(0, N_FRAMES - 1)).map(sorted)
@@ -53,17 +54,10 @@ def clip(tmp_path_factory):
 
 @pytest.fixture(scope="module", autouse=True)
 def _machine(clip):
-    build, known = sources.build, {}
-
-    def build_once(project, progress):
-        key = sources.library_key(project)
-        if key not in known:
-            known[key] = build(project, progress)
-        return known[key]
-
-    sources.build, Actions.clip = build_once, clip
-    yield
-    sources.build = build
+    Actions.clip = clip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sources, "build", build_once({}))
+        yield
 
 
 def open_session(folder, name):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mograft.studio.server import StudioServer
-from tests.browser import chromium, new_page, wait_until
+from tests.browser import new_page, wait_until
 from tests.strategies import HOSTILE_NAMES
 
 pytestmark = pytest.mark.browser
@@ -17,13 +17,6 @@ for (const name of ["store", "figures", "player", "gizmo", "records", "stage", "
   modules[name] = await import(`/studio/${name}.js`);
 for (const name of ["poses", "actors", "scene"]) modules[name] = await import(`/viewer/${name}.js`);
 """
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """A headless Chromium."""
-    with chromium() as found:
-        yield found
 
 
 @contextlib.contextmanager

@@ -1,10 +1,8 @@
 """Sessions: laws of actions, locks, previews, export and files."""
 
-import base64
 import filecmp
 import json
 import threading
-import zlib
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +15,7 @@ from mograft.library.origin import hash_poses
 from mograft.studio.project import read_project
 from mograft.studio.session import Session, StaleRevision
 from tests.exit_codes import exit_code
+from tests.viewing.page_content import decode_tracks
 
 SPHERE = {"kind": "Sphere", "center": [10.0, 110.0, 20.0], "radius": 15.0}
 AVOID = {"kind": "Avoid", "obstacle": SPHERE, "frames": [20, 90]}
@@ -306,20 +305,6 @@ def test_impossible_action_names_the_field_and_changes_nothing(session, action, 
     assert (session.project, session.history) == before
 
 
-def values_of(encoded, n_frames):
-    """Return the rotations of an encoding, as the script of pages decodes them."""
-    n_tracks = 4 * len(encoded["turning"]) + 3 * len(encoded["moving"])
-    data = zlib.decompress(base64.b64decode(encoded["pose"]))
-    low, middle, high = np.frombuffer(data, np.uint8).astype(np.int64).reshape(3, n_tracks, -1)
-    folded = low | middle << 8 | high << 16
-    change = np.where(folded & 1, -(folded >> 1) - 1, folded >> 1)
-    values = np.cumsum(np.cumsum(change, axis=1), axis=1)
-    values = ((values + (1 << 23)) % (1 << 24)) - (1 << 23)
-    assert values.shape[1] == n_frames
-    n_turns = 4 * len(encoded["turning"])
-    return values[:n_turns].T.reshape(n_frames, -1, 4) * encoded["units"][0]
-
-
 def test_patch_of_a_figure_gives_the_whole_figure(session):
     segment = segment_of(session, "m1", 4)
     old = session.figure("motion", "m1")
@@ -328,10 +313,8 @@ def test_patch_of_a_figure_gives_the_whole_figure(session):
     patch = change["patch"]
     assert "parents" not in change
     assert patch["last"] - patch["first"] < new["frames"] / 2
-    values = values_of(old, old["frames"])
-    n = patch["last"] - patch["first"] + 1
-    values[patch["first"] : patch["last"] + 1] = values_of(patch, n)
-    expected = values_of(new, new["frames"])
+    values, expected = (decode_tracks(own)[0] for own in (old, new))
+    values[patch["first"] : patch["last"] + 1] = decode_tracks(patch)[0]
     dots = np.abs((values * expected).sum(axis=-1))
     np.testing.assert_allclose(dots, 1.0, atol=1e-4)
     assert {key: change[key] for key in ("rows", "donors", "hash")} == {
@@ -343,10 +326,9 @@ def test_window_has_the_poses_of_the_clip(session):
     window = session.window("two", 40, 60)
     full = session.figure("clip", "two")
     columns = [full["turning"].index(joint) for joint in window["turning"]]
-    expected = values_of(full, full["frames"])[40:61, columns]
-    np.testing.assert_allclose(
-        np.abs((values_of(window, 21) * expected).sum(axis=-1)), 1.0, atol=1e-4
-    )
+    expected = decode_tracks(full)[0][40:61, columns]
+    dots = np.abs((decode_tracks(window)[0] * expected).sum(axis=-1))
+    np.testing.assert_allclose(dots, 1.0, atol=1e-4)
     with pytest.raises(ValueError, match="within 0 to"):
         session.window("two", 40, 9000)
 

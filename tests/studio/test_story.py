@@ -9,7 +9,6 @@ import mograft as mg
 from mograft.cli import main
 from mograft.dancer import dance
 from tests import clients
-from tests.browser import chromium
 from tests.io.recorded_files import DATA
 from tests.studio.story import studio
 
@@ -17,12 +16,6 @@ pytestmark = pytest.mark.browser
 
 LISTED = "table.donors tbody:not([aria-busy])"  # the donors of the selection itself
 SOURCES = ["kaykit_Knight.glb", "dance.bvh"]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as found:
-        yield found
 
 
 @pytest.fixture(params=SOURCES)

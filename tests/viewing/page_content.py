@@ -39,18 +39,24 @@ def _element(page, name):
     return json.loads(text)
 
 
-def clip_positions(clip):
-    """Return the node positions of a clip of the data, shape (n_frames, n_nodes, 3)."""
+def decode_tracks(clip):
+    """Return the rotations of the joints that turn, (n_frames, n, 4), and the positions."""
     pose = zlib.decompress(base64.b64decode(clip["pose"]))
     n_turns, n_moving = 4 * len(clip["turning"]), 3 * len(clip["moving"])
-    units = np.repeat(clip["units"], [n_turns, n_moving])
-    tracks = dequantize(units, pose)
-    kept, n = len(tracks), len(clip["parents"])
+    tracks = dequantize(np.repeat(clip["units"], [n_turns, n_moving]), pose)
+    turns, places = np.split(tracks, [n_turns], axis=1)
+    return turns.reshape(len(tracks), -1, 4), places.reshape(len(tracks), -1, 3)
+
+
+def clip_positions(clip):
+    """Return the node positions of a clip of the data, shape (n_frames, n_nodes, 3)."""
+    turning, moving = decode_tracks(clip)
+    kept, n = len(turning), len(clip["parents"])
     turns = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (kept, n, 4)).copy()
-    turns[:, clip["turning"]] = tracks[:, :n_turns].reshape(kept, -1, 4)
+    turns[:, clip["turning"]] = turning
     turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
     places = np.broadcast_to(np.reshape(clip["offsets"], (n, 3)), (kept, n, 3)).copy()
-    places[:, clip["moving"]] = tracks[:, n_turns:].reshape(kept, -1, 3)
+    places[:, clip["moving"]] = moving
     world, positions = forward_kinematics(np.array(clip["parents"]), turns, places)
     sites = [
         positions[:, joint] + rotations.rotate(world[:, joint], np.array(offset))
@@ -59,6 +65,16 @@ def clip_positions(clip):
     nodes = np.concatenate([positions, *(site[:, None] for site in sites)], axis=1)
     turn = np.broadcast_to(clip["turn"], (*nodes.shape[:-1], 4))
     return rotations.rotate(turn, nodes) + clip["place"]
+
+
+def node_positions(motion):
+    """Return the world positions of joints and end sites, shape (n_frames, n_nodes, 3)."""
+    turns, joints = motion.world_transforms()
+    sites = [
+        joints[:, s.parent] + rotations.rotate(turns[:, s.parent], s.offset)
+        for s in motion.skeleton.end_sites
+    ]
+    return np.concatenate([joints, *(s[:, None] for s in sites)], axis=1)
 
 
 def dequantize(units, pose):

@@ -15,12 +15,12 @@ from mograft import JointGroups, Library, graft, graft_many, replay, view, write
 from mograft.cli import main
 from mograft.constraints import Avoid, Box, Capsule, Character, Face, HalfSpace, Reach, Sphere
 from mograft.dancer import dance
-from mograft.motion import rotations
 from mograft.viewing.figure import ShownConstraint
 from mograft.viewing.report import report_page
 from mograft.viewing.scene import Scene
 from tests.browser import new_page, open_page, wait_until
 from tests.strategies import HOSTILE_NAMES
+from tests.viewing.page_content import node_positions
 
 DASH = "\N{EN DASH}"
 
@@ -39,20 +39,11 @@ def pixels(page, selector):
     return image.imread(io.BytesIO(shot), format="png")[..., :3]
 
 
-def nodes(motion):
-    turns, joints = motion.world_transforms()
-    sites = [
-        joints[:, s.parent] + rotations.rotate(turns[:, s.parent], s.offset)
-        for s in motion.skeleton.end_sites
-    ]
-    return np.concatenate([joints, *(s[:, None] for s in sites)], axis=1)
-
-
 def test_viewer_poses_equal_world_positions(browser, path, new):
     with open_page(browser, path) as page:
         assert page.evaluate("mograft.frames") == new.motion.n_frames
         for clip, motion in enumerate((new.base, new.motion)):
-            want = nodes(motion)
+            want = node_positions(motion)
             for frame in (0, 1, 137, motion.n_frames - 1):
                 got = np.reshape(page.evaluate(f"mograft.pose({clip}, {frame})"), (-1, 3))
                 # Half a quantization step, which is a ten-thousandth of the height, and float32.
@@ -208,7 +199,7 @@ def test_viewer_further_figures_are_decoded_when_shown(browser, library, tmp_pat
             wait_until(page, f"mograft.state.shown.join() === '0,{number}'")
             names = page.locator(".caption bdi").all_text_contents()
             assert names == ["dance", grafts[number - 1].motion.name]
-            want = nodes(grafts[number - 1].motion)[137]
+            want = node_positions(grafts[number - 1].motion)[137]
             got = np.reshape(page.evaluate(f"mograft.pose({number}, 137)"), (-1, 3))
             np.testing.assert_allclose(got, want, atol=0.0125)
             assert page.evaluate("mograft.describe(2, 0)").startswith(names[1])

@@ -107,16 +107,12 @@ class StreamServer(socketserver.ThreadingTCPServer):
         return 0 if isinstance(self.server_address, str) else int(self.server_address[1])
 
     def serve_forever(self, poll_interval: float = 0.1) -> None:
-        """Serve clients until `close` is called in another thread, or an exception is raised.
+        """Serve clients until `shutdown` is called in another thread, or an exception is raised.
 
-        `poll_interval` is the time in seconds after which `close` is noticed.
+        `poll_interval` is the time in seconds after which `shutdown` is noticed.
         """
         with self._cleanup:
             super().serve_forever(poll_interval)
-
-    def close(self) -> None:
-        """End `serve_forever`, which must run in another thread."""
-        self.shutdown()
 
     def __enter__(self) -> Self:
         """Serve clients in a thread until the block ends."""
@@ -125,7 +121,7 @@ class StreamServer(socketserver.ThreadingTCPServer):
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
+        self.shutdown()
         self._thread.join()
 
 

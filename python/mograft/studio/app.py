@@ -87,7 +87,6 @@ class _Requests:
             ("POST", "/api/donors", self.find_donors),
             ("POST", "/api/open", self.open),
             ("POST", "/api/export", self.export),
-            ("POST", "/api/ping", self.ping),
         ]
         return [Route(path, _reporting(call), methods=[method]) for method, path, call in table]
 
@@ -167,10 +166,6 @@ class _Requests:
         parts, name = request.stream(), request.path_params["name"]
         path = await store_upload(parts, n_bytes, self.places.folder, name)
         return JSONResponse({"path": path.as_posix()})
-
-    async def ping(self, _: Request) -> Response:
-        """Return the revision: the server lives."""
-        return JSONResponse({"revision": self.session.revision})
 
 
 def _asset(folder: str, name: str) -> Response:
