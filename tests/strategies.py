@@ -135,6 +135,12 @@ def assert_same_rotations(actual, desired, atol=1e-12):
     np.testing.assert_array_less(gaps, atol)
 
 
+def scale_skeleton(skeleton, factor):
+    """Return a skeleton in another unit."""
+    sites = [replace(site, offset=site.offset * factor) for site in skeleton.end_sites]
+    return replace(skeleton, offsets=skeleton.offsets * factor, end_sites=tuple(sites))
+
+
 def turn_motion(motion, turn):
     """Return a motion that is turned as a whole by a quaternion."""
     quats, positions = motion.rotations.copy(), motion.positions.copy()
@@ -147,8 +153,6 @@ def transform_motion(motion, scale=1.0, yaw=0.0, offset=(0.0, 0.0, 0.0)):
     """Return a motion with y up in another unit, with another heading and root position."""
     larger = replace(motion, positions=motion.positions * scale, channel_values=None)
     turned = turn_motion(larger, rotations.exp(np.array([0.0, yaw, 0.0])))
-    skeleton, positions = motion.skeleton, turned.positions.copy()
+    positions = turned.positions.copy()
     positions[:, 0] += np.asarray(offset) * scale
-    sites = [replace(site, offset=np.asarray(site.offset) * scale) for site in skeleton.end_sites]
-    scaled = replace(skeleton, offsets=skeleton.offsets * scale, end_sites=tuple(sites))
-    return replace(turned, skeleton=scaled, positions=positions)
+    return replace(turned, skeleton=scale_skeleton(motion.skeleton, scale), positions=positions)

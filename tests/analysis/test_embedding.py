@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from sklearn.decomposition import PCA
 
-from mograft import Config, Motion, Segments, segment
+from mograft import Config, Segments, segment
 from mograft._util.linalg import GRID
 from mograft.analysis.embedding import (
     Samples,
@@ -29,8 +29,9 @@ from tests.strategies import (
     few_examples,
     motions,
     quaternions,
-    skeletons,
+    random_star_clip,
     smooth_rotations,
+    tile_segments,
     transform_motion,
 )
 
@@ -99,13 +100,6 @@ def test_features_equal_oracle(motion, config):
     places, seconds = motion.positions[:, 0], motion.frame_time
     expected = oracle.features(motion.rotations, places, bounds, joints, 0, 1, 1.7, seconds, config)
     np.testing.assert_allclose(matrix_of(motion, config), expected, atol=1e-9)
-
-
-def random_motion(rng, n_joints):
-    skeleton = skeletons(rng, n_joints)
-    positions = np.tile(skeleton.offsets, (200, 1, 1))
-    positions[:, 0] += np.cumsum(rng.normal(size=(200, 3)), axis=0)
-    return Motion(skeleton, 1 / 30, smooth_rotations(rng, 200, n_joints), positions)
 
 
 @few_examples(40)
@@ -194,7 +188,7 @@ def test_normalise_any_number_of_segments_at_a_time_gives_same_bits(
 
 
 def test_embed_too_few_or_equal_segments_warns_and_returns_none():
-    motion = random_motion(np.random.default_rng(3), 4)
+    motion = random_star_clip(np.random.default_rng(3), tile_segments([199]))
     for segments, message in (
         (Segments([0, 9], [9, 20]), "group all: 2 segments are too few"),
         (Segments([0, 0, 0], [9, 9, 9]), "group all: all 3 segments are alike"),
@@ -208,7 +202,7 @@ def test_embed_cached_features_do_not_change_result(monkeypatch):
     from mograft.analysis import embedding
 
     monkeypatch.setattr(embedding, "CHUNK", 3)
-    motion = random_motion(np.random.default_rng(3), 4)
+    motion = random_star_clip(np.random.default_rng(3), tile_segments([199]))
     samples = normalise([motion], segment(motion), ROBUST, **NORMALISATION)
     assert len(samples) % 3
     expected = None

@@ -14,9 +14,9 @@ from tests.strategies import SEEDS
 DANCES = [dance(seed=seed, strides=1).motion for seed in range(2)]
 
 
-def segment_bounds(energies, config):
+def segment_bounds(energies, config, rate=30.0):
     """Return the bounds after all energies are pushed at once."""
-    segmenter = OnlineSegmenter(30.0, config)
+    segmenter = OnlineSegmenter(rate, config)
     segmenter.push(energies)
     segmenter.close()
     return segmenter.bounds
@@ -60,14 +60,10 @@ def test_online_segmenter_without_merges_cuts_at_all_extrema(seed, n):
 @pytest.mark.parametrize("seed", [0, 4])
 def test_online_segmenter_dance_equals_segment(seed):
     motion = dance(seed=seed, strides=1).motion
-    segmenter = OnlineSegmenter(motion.rate, mg.Config())
-    segmenter.push(mg.kinetic_energy(motion))
-    segmenter.close()
-    assert segmenter.bounds == [0, *mg.segment(motion).stop.tolist()]
+    bounds = segment_bounds(mg.kinetic_energy(motion), mg.Config(), motion.rate)
+    assert bounds == [0, *mg.segment(motion).stop.tolist()]
 
 
 def test_online_segmenter_max_length_below_one_interval_cuts_at_all_frames():
-    segmenter = OnlineSegmenter(1.0, mg.Config(max_length=0.5))
-    segmenter.push(np.linspace(1.0, 2.0, 20))
-    segmenter.close()
-    assert segmenter.bounds == list(range(20))
+    energies = np.linspace(1.0, 2.0, 20)
+    assert segment_bounds(energies, mg.Config(max_length=0.5), 1.0) == list(range(20))

@@ -4,7 +4,6 @@ import csv
 import io
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,9 +14,9 @@ import mograft as mg
 from mograft.body.faults import KINDS
 from mograft.motion import rotations
 from tests.dialects import Dialect, clips, to_text
+from tests.hierarchies import DATA
 from tests.strategies import few_examples
 
-DATA = Path(__file__).parents[3] / "shared" / "data"
 N_FRAMES = 60
 
 
@@ -229,20 +228,14 @@ def test_find_faults_huge_positions_raise_no_warning():
 def recordings(*folders):
     table = DATA / "FILES.tsv"
     if not table.exists():
-        return [None]
+        return []
     with table.open() as file:
         rows = list(csv.DictReader(file, delimiter="\t"))
     return [row for row in rows if not folders or row["file"].startswith(folders)]
 
 
-def row_id(row):
-    return "none" if row is None else row["file"]
-
-
-@pytest.mark.parametrize("row", recordings(), ids=row_id)
+@pytest.mark.parametrize("row", recordings(), ids=lambda row: row["file"])
 def test_find_faults_recordings_report_known_rest_poses(row):
-    if row is None:
-        pytest.skip(f"no recordings in {DATA}")
     motion = mg.read_bvh(DATA / row["file"])
     kinds = [fault.kind for fault in mg.find_faults(motion)]
     is_rest_pose = row["first_jump"] not in ("", "-", "None") and float(row["first_jump"]) > 12.0
@@ -252,9 +245,7 @@ def test_find_faults_recordings_report_known_rest_poses(row):
 CLEAN = ("bandai", "dance_mass", "dance_carousel", "skel_animated", "skel_games", "synthetic_q")
 
 
-@pytest.mark.parametrize("row", recordings(*CLEAN), ids=row_id)
+@pytest.mark.parametrize("row", recordings(*CLEAN), ids=lambda row: row["file"])
 def test_find_faults_clean_recordings_have_only_wraps(row):
-    if row is None:
-        pytest.skip(f"no recordings in {DATA}")
     faults = mg.find_faults(mg.read_bvh(DATA / row["file"]))
     assert {fault.kind for fault in faults} <= {"wrap"}

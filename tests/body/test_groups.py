@@ -107,10 +107,7 @@ def test_groups_toml_file_round_trips(tmp_path):
     path = tmp_path / "groups.toml"
     path.write_text(groups.to_toml(), encoding="utf-8")
     for source in (path, str(path)):
-        read_groups = JointGroups.from_toml(source)
-        assert read_groups == groups
-        for name, joints in read_groups.resolve(skeleton).items():
-            assert joints.tolist() == groups.resolve(skeleton)[name].tolist()
+        assert JointGroups.from_toml(source) == groups
 
 
 def test_preset_duplicate_names_use_indices():

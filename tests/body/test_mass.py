@@ -28,17 +28,10 @@ from tests.hierarchies import (
     with_order,
     without_names,
 )
-from tests.strategies import few_examples
+from tests.strategies import few_examples, scale_skeleton
 
 TOTAL = 0.99995  # of the means of the table; the female masses sum to 99.99 %
 KINDS = ["own", "subtree", "unit"]
-
-
-def scale_skeleton(skeleton, factor):
-    sites = [EndSite(s.parent, s.offset * factor) for s in skeleton.end_sites]
-    return Skeleton(
-        skeleton.names, skeleton.parents, skeleton.offsets * factor, end_sites=tuple(sites)
-    )
 
 
 def rest_motion(skeleton, axes=(0, 1, 2)):

@@ -52,11 +52,13 @@ def test_convex_hull_collinear_points_returns_ends(points, expected):
     np.testing.assert_array_equal(convex_hull(np.array(points, float)), expected)
 
 
-@given(planar_points(1), planar_points(1, 1))
-def test_signed_distance_of_hull_equals_distance_to_sampled_edges(points, probe):
+@given(planar_points(1), planar_points(1, 1), st.integers(0, 3))
+def test_signed_distance_of_hull_equals_distance_to_sampled_edges(points, probe, n_padded):
     hull = convex_hull(points)
     n = len(hull)
     found = signed_distance(hull[None], np.array([n]), probe)[0]
+    padded = np.concatenate([hull, hull[[-1] * n_padded]])
+    assert signed_distance(padded[None], np.array([n]), probe)[0] == found
     fractions = np.linspace(0, 1, 400)[:, None]
     edges = list(zip(hull, np.roll(hull, -1, axis=0), strict=True))
     samples = np.concatenate([a + fractions * (b - a) for a, b in edges])
@@ -73,17 +75,6 @@ def test_signed_distance_of_hull_equals_distance_to_sampled_edges(points, probe)
             assert found > 0
     else:
         assert found >= 0
-
-
-def test_signed_distance_padded_polygon_equals_unpadded():
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        hull = convex_hull(rng.normal(size=(8, 2)))
-        probe = rng.normal(size=(1, 2))
-        padded = hull[np.minimum(np.arange(12), len(hull) - 1)]
-        size = np.array([len(hull)])
-        expected = signed_distance(hull[None], size, probe)
-        assert signed_distance(padded[None], size, probe) == expected
 
 
 def test_signed_distance_empty_polygon_is_nan():

@@ -18,20 +18,7 @@ from tests.io.robot_files import random_robot, to_urdf, write_walks
 
 SEEDS = ()
 _WORDS = (
-    *(
-        b"nan",
-        b"inf",
-        b"-1e308",
-        b"1e999",
-        b'"',
-        b"<",
-        b",",
-        b"\n",
-        b"\x00",
-        b"\xff",
-        b"&amp;",
-        b"-",
-    ),
+    *(*b'nan inf -1e308 1e999 " < ,'.split(), b"\n", *b"\x00 \xff &amp; -".split()),
     *(b"</body>", b"<body>", b'type="ball"', b'euler="1 2 3"', b'class="x"', b'<joint name="a"/>'),
 )
 
@@ -49,10 +36,8 @@ def valid_files():
     formats.write_tracker(read(table, skeleton=model)[0], folder / "t.npz")
     files = {"m.xml": path.read_bytes(), "t.csv": table.read_bytes()}
     files |= {"m.urdf": to_urdf(random_robot(3, several=False)).encode()}
-    return model, files | {
-        "h.csv": "\n".join(rows).encode(),
-        "t.npz": (folder / "t.npz").read_bytes(),
-    }
+    files |= {"h.csv": "\n".join(rows).encode(), "t.npz": (folder / "t.npz").read_bytes()}
+    return model, files
 
 
 def mutate(seed):

@@ -8,6 +8,7 @@ import pytest
 import mograft as mg
 from mograft.dancer import dance
 from mograft.library.duplicates import find_duplicates
+from tests.strategies import transform_motion
 
 
 @pytest.mark.parametrize(
@@ -19,12 +20,7 @@ def test_find_duplicates_planted_piece_is_found_and_spans_have_equal_poses(
     take = dance(seed=seed, strides=1).motion
     piece = replace(take[start : start + length], name="piece")
     if is_turned:
-        quats = piece.rotations.copy()
-        turn = mg.rotations.from_axis_angle([0.0, 1.0, 0.0], 1.0)
-        quats[:, 0] = mg.rotations.multiply(turn, quats[:, 0])
-        positions = piece.positions.copy()
-        positions[:, 0] = mg.rotations.rotate(turn, positions[:, 0]) + np.array([50.0, 0.0, 9.0])
-        piece = replace(piece, rotations=quats, positions=positions)
+        piece = transform_motion(piece, yaw=1.0, offset=(50.0, 0.0, 9.0))
     library = mg.Library.build([take, piece])
     clips = dict(zip(library.names, library.clips, strict=True))
     spans = find_duplicates(library)

@@ -126,7 +126,7 @@ def test_candidates_list_reasons_and_check_arguments(library):
         candidates = mg.candidates(library, segment, "upper")
         assert candidates.allowed[0].segment == segment
         assert all(candidate.refused for candidate in candidates.refused)
-    with pytest.raises(ValueError, match="`group` must not be the base group, 'lower'"):
+    with pytest.raises(ValueError, match="not the base group, which is kept; got 'lower'"):
         mg.candidates(library, 0, "lower")
     with pytest.raises(ValueError, match="`group` must be one of lower, upper, got 'tail'"):
         mg.candidates(library, 0, "tail")
