@@ -23,13 +23,13 @@ from mograft._util.runs import find_runs
 from mograft.blend.foot_planting import limit_floor_speed
 from mograft.blend.foot_targets import foot_displacements, lowest_heights
 from mograft.blend.two_bone_ik import bend_limb
-from mograft.body.contacts import Ground, detect_contacts, foot_heights
+from mograft.body.contacts import Ground, detect_contacts, find_legs, foot_heights
 from mograft.body.mass import mass_model
 from mograft.body.support_polygon import support_polygons
 from mograft.constraints import KeepOriginal
 from mograft.dancer import dance
 from mograft.motion import rotations
-from tests.hierarchies import DANCES, distinct_recordings, recording
+from tests.hierarchies import DANCES, DATA, distinct_recordings, recording
 from tests.strategies import SEEDS, few_examples, transform_motion
 
 
@@ -439,6 +439,17 @@ def test_graft_without_substitution_keeps_feet_bit_for_bit(sample):
     np.testing.assert_array_equal(new.motion.rotations, motion.rotations)
     np.testing.assert_array_equal(new.motion.positions, motion.positions)
     np.testing.assert_array_equal(new.motion.channel_numbers(), motion.channel_numbers())
+
+
+def test_plant_feet_quadruped_uses_four_legs():
+    path = DATA / "synthetic_quadruped" / "quadruped_trot.bvh"
+    if not path.exists():
+        pytest.skip("the quadruped is not here")
+    motion = read_bvh(path)
+    assert len(find_legs(motion.skeleton)) == 4
+    _, report = plant_feet(motion)
+    assert report.skate_after <= report.skate_before
+    assert report.unreached_frames == 0
 
 
 @pytest.mark.filterwarnings("ignore")  # of faults in the recordings

@@ -9,13 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from mograft import Config, Segments
+from mograft import Config, Library, Segments, graft
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline, SegmentTimes
 from mograft.blend.recombine import recombine
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import ROTATIONS, TRANSLATIONS
 from mograft.blend.time_warp import TimeWarp, gaps_in_band, warping_path
 from mograft.blend.transplant import GraftedGroup, transplant
+from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.motion.resample import cubic
 from mograft.search.boundary_states import pose_gaps
@@ -23,6 +24,7 @@ from tests.blend.continuity import jumps
 from tests.strategies import (
     SEEDS,
     SEGMENT_LENGTHS,
+    assert_same_rotations,
     few_examples,
     random_star_clip,
     smooth_rotations,
@@ -235,6 +237,18 @@ def test_find_seams_one_warped_neighbour_makes_a_seam():
     assert timeline.find_seams([track]).tolist() == [False, True, False]
     assert replace(timeline, warp=even).find_seams([track]).tolist() == [False, True, False]
     assert replace(timeline, warp=warped).find_seams([track]).tolist() == [True, True, False]
+
+
+def test_graft_alignment_dtw_changes_donors_in_time_only():
+    motion = dance(seed=3, strides=1).motion
+    even, warped = (
+        graft(Library.build(motion, config=Config(alignment=own, self_repair=False)), seed=2)
+        for own in ("uniform", "dtw")
+    )
+    assert [s.donor for s in even.substitutions] == [s.donor for s in warped.substitutions]
+    assert (even.motion.rotations != warped.motion.rotations).any()
+    np.testing.assert_array_equal(warped.motion.rotations[:, :7], motion.rotations[:, :7])
+    assert_same_rotations(warped.motion.rotations[:1], even.motion.rotations[:1], 0.5)
 
 
 def test_transplant_dtw_without_base_joints_equals_uniform():

@@ -103,6 +103,9 @@ def test_dynamic_balance_constant_acceleration_shifts_zero_moment_point(accelera
     expected = signed_distance(support.polygons, support.sizes, expected_point[:, support.axes])
     found = dynamic_balance(cart, floor_reference=DANCE)
     np.testing.assert_allclose(found.distance, expected / height, atol=1e-6)
+    if acceleration == 0.0:
+        static = static_balance(cart, floor_reference=DANCE)
+        np.testing.assert_allclose(static.distance, expected / height, atol=1e-9)
 
 
 @given(npst.arrays(np.float64, 30, elements=st.sampled_from([-0.1, 0.1, np.nan])))

@@ -108,16 +108,18 @@ def test_measures_without_grafts_raise_insufficient_data_error(measure, grafts):
         measure("x", grafts)
 
 
-@pytest.mark.parametrize("topics", [[], ["beauty"]])
-def test_evaluate_unknown_topic_raises_value_error(library, topics):
-    with pytest.raises(ValueError, match="`topics` must be among"):
-        evaluate(library, topics)
-
-
-@pytest.mark.parametrize("name", ["runs", "bases"])
-def test_evaluate_zero_count_raises_value_error(library, name):
-    with pytest.raises(ValueError, match=f"`{name}` must be a whole number of at least 1"):
-        evaluate(library, **{name: 0})
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"topics": []}, "`topics` must be among"),
+        ({"topics": ["beauty"]}, "`topics` must be among"),
+        ({"runs": 0}, "`runs` must be a whole number of at least 1"),
+        ({"bases": 0}, "`bases` must be a whole number of at least 1"),
+    ],
+)
+def test_evaluate_invalid_argument_raises_value_error(library, arguments, message):
+    with pytest.raises(ValueError, match=message):
+        evaluate(library, **arguments)
 
 
 def test_evaluate_skeleton_without_legs_omits_measures_of_feet():

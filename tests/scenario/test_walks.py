@@ -109,6 +109,10 @@ def test_walk_long_duration_on_few_segments_uses_all_evenly(library, monkeypatch
         assert (chosen[gap:] != chosen[:-gap]).all()
 
 
+def test_walk_seed_of_numpy_is_accepted(library):
+    assert len(walk(library, np.int64(1), np.int64(3))) > 0
+
+
 TABLE = r"a walk on \d+ segments must have at most \d+ frames"
 SPAN = "`beats` must span at most 86400 s"
 DURATION = r"`duration` must be (above 0 and at most 86400 s|finite)"

@@ -53,10 +53,6 @@ def graft_pair(library, **arguments):
     return [mg.graft(own, **arguments) for own in libraries]
 
 
-def donors_of(graft):
-    return np.array([own.donor for own in graft.substitutions])
-
-
 def peaks(motion, joints, frame):
     """Return the greatest angular acceleration and jerk of joints about a frame, per frame."""
     accelerations, jerks = [0.0], [0.0]
@@ -239,8 +235,8 @@ def test_self_repair_donor_with_glitch_is_replaced_if_another_candidate_exists(l
         if len(plan.trellises["upper"].candidates[position]) < 2:
             continue
         n_planted += 1
-        repaired = build_graft(plan, {"upper": donors_of(chosen)}, seed, 0)
-        assert donors_of(repaired)[position] != donor.donor
+        repaired = build_graft(plan, chosen.donors, seed, 0)
+        assert repaired.donors["upper"][position] != donor.donor
         assert any(own.start <= donor.start <= own.stop for own in repaired.self_repairs)
     assert n_planted >= 4
 
@@ -336,7 +332,7 @@ def test_self_repair_is_off_in_paper_preset_and_in_random_draws(library):
     assert not mg.Config.paper().self_repair
     for choice in ("random", "best"):
         before, after = graft_pair(with_config(library, choice=choice), seed=1)
-        np.testing.assert_array_equal(donors_of(before), donors_of(after))
+        np.testing.assert_array_equal(before.donors["upper"], after.donors["upper"])
         assert not after.self_repairs
 
 
