@@ -126,7 +126,8 @@ def suggest_path(path: str | Path) -> str:
     folder = missing[-1].parent
     beside = [str(folder / own.name) for own in sorted(folder.iterdir())]
     prefix = str(missing[-1])[: -len(missing[-1].name)]
-    close = suggest_name(str(missing[-1]), beside, prefix, cutoff=0.7)
+    twins = [own for own in beside if Path(own).stem == missing[-1].stem]  # of another format
+    close = suggest_name(str(missing[-1]), twins or beside, prefix, cutoff=0.7 * (not twins))
     suffix = missing[-1].suffix.lower()
     same = [own for own in beside if suffix and own.lower().endswith(suffix)]
     return close or (f"; the folder has {join_names(same, 5)}" if same else "")

@@ -32,7 +32,7 @@ MISTAKES = [
     ("graft a.bvh -o x --reach 9:LeftHand:@left_hnd+0,0,0", RUNTIME, "no joint is named 'left_h"),
     ("graft a.bvh -o x --reach 9:LeftHand:@+0,0,0", USAGE, "FRAME:JOINT:@PART+LEFT,UP,FORWARD"),
     ("graft a.bvh -o x --reach 9:LeftHand:@chest", USAGE, "FRAME:JOINT:@PART+LEFT,UP,FORWARD"),
-    ("graft a.bvh -o x --swap lower", USAGE, "set another base there, and give the motion files"),
+    ("graft a.bvh -o x --swap lower", RUNTIME, "g.toml writes, and use --groups g.toml"),
     ("graft a.bvh -o x --swap uper", RUNTIME, "choose from upper; did you mean 'upper'?"),
     ("graft a.bvh -o x --only-from aa", RUNTIME, "--only-from must match at least one of a; got"),
     ("graft a.bvh -o x --only-tagged slow", RUNTIME, "--only-tagged must be left out, as"),
@@ -57,7 +57,7 @@ MISTAKES = [
     ("graft a.bvh -o x --set variety=1", USAGE, "no field of Config; `variety` sets"),
     ("graft --from a.bvh -o x", INVALID, "expected the JSON file that is written beside a new"),
     ("graft a.bvh -o x --face b", USAGE, "argument --face: expected a point X,Y,Z, got b"),
-    ("graft a.bvh -o x --change legs@0-9", RUNTIME, "(the group 'lower' keeps its motion); got "),
+    ("graft a.bvh -o x --change legs@0-9", RUNTIME, "; 'lower' is the base group, which keeps its"),
     ("graft a.bvh -o x --set seam", USAGE, "offset, with a field of docs/settings.md, got seam"),
     ("graft a.bvh -o x --set segmentation=no.json", RUNTIME, "no.json: No such file or directory"),
     ("index b.bvh -o lib --add --set segmentation=energy", USAGE, "--set is fixed when"),
@@ -100,8 +100,8 @@ MISTAKES = [
     ("find lib", USAGE, "before it give the clip or file to find, or --text WORDS"),
     ("find wlk lib", RUNTIME, "CLIP|FILE must be a clip, one of dance, walk; got 'wlk'; did you"),
     ("find walk lib --part arms", RUNTIME, "--part must be one of lower, upper, got 'arms'; "
-     "a new library, by mograft index FILE -o LIB --groups lower_torso_arms, has the groups"),
-    *((words, RUNTIME, "; a new library, by mograft index FILE -o LIB --groups lower_torso_arms,")
+     "a library made by mograft index FILE -o LIB --groups lower_torso_arms has the groups"),
+    *((words, RUNTIME, "; a library made by mograft index FILE -o LIB --groups lower_torso_arms")
       for words in ("curate lib --part arms", "candidates lib --segment 1 --group arms",
                     "graft lib -o x --swap arms")),
     *((f"{words} tags.csv{rest}", INVALID, "other tables are no motions, which are .bvh, .glb, "
@@ -138,8 +138,8 @@ MISTAKES = [
     ("augment lib -o x -n 2 --split 50", RUNTIME, "--split must be a CSV file of clips and parts"),
     ("graft a.bvh -o x --reach 30:LeftHand:@sword+0,0,0", RUNTIME, "no joint or body part is named "
      "'sword', but Hips, LeftUpLeg, LeftLeg, "),
-    ("graft a.bvh -o x --avoid sphere:0,0,0,500", INFEASIBLE, "another --base, or add "
-     "--best-effort"),
+    ("graft a.bvh -o x --avoid sphere:0,0,0,500", INFEASIBLE, "or exchange these joints by "
+     "a --groups file with another base group; --best-effort writes the violation"),
     ("graft a.bvh -o x --avoid sphere:-114,85,183,20", INFEASIBLE, "mograft export BASE -o new.bvh "
      "--avoid ... leads a walk round an obstacle"),
     # Outputs
@@ -156,7 +156,7 @@ MISTAKES = [
     ("plot pca a.bvh -o x.jpg", USAGE, "-o must be a file that ends in .png, .svg, .pdf"),
     ("export --cycle a.bvh -o x.bvh", USAGE, "seconds above 0, or no value, after FILE, for the"),
     ("export a.bvh -o x.bvh --cycle 9", RUNTIME, "has no cycle of 6.75 to 11.2 s"),
-    ("export a.bvh -o x.bvh --turn left", USAGE, "must be an angle in degrees, got left"),
+    ("export a.bvh -o x.bvh --turn left", USAGE, "in degrees, above 0 for left, such as 90, got"),
     ("export a.bvh -o x.bvh --turn 9999", RUNTIME, "--turn must be at most "),
     ("export a.bvh -o x.gif --size 160", USAGE, "must be WIDTHxHEIGHT, such as 720x480, got 160"),
     ("export a.bvh -o x.gif --scale cm", USAGE, "--scale requires .glb, .usd"),
@@ -190,6 +190,8 @@ MISTAKES = [
     ("find walk lib -o x.csv", USAGE, "got x.csv; --json prints the results as data"),
     ("graft a.bvh -o x.fbx", USAGE, "got x.fbx; mograft reads .fbx, but does not"),
     ("graft a.bvh -o x --avoid box:0,0,0,2,2,-2", USAGE, "HX,HY,HZ must not be negative"),
+    ("graft lib -o x --swap lower", RUNTIME, "and use a library made by mograft index FILE -o LIB"),
+    ("info b.glb", RUNTIME, "b.glb: No such file or directory; did you mean 'b.bvh'?"),
     ("studio text", USAGE, "text is neither a motion file, nor a project.json or a library"),
     ("graft a.bvh -o x --duration 9", USAGE, "--duration requires --scenario graph"),
     ("graft a.bvh -o x --scenario graph --duration 1e300", RUNTIME, "at most 86400 s, got 1e+300"),

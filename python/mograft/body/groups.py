@@ -34,6 +34,13 @@ PRESETS: Mapping[str, tuple[str, ...]] = {
 }
 
 
+OTHER_BASE = (
+    "to exchange it, set another base in the file that mograft groups FILE -o g.toml writes, and "
+    "use `groups=g.toml`"
+)
+"""What a message says of the base group or its joints, which keep their motion."""
+
+
 def suggest_groups(name: object, groups: Collection[str]) -> str:
     """Return the preset that has the group `name`, or the most similar one of `groups`, as text."""
     close = suggest_name(name, groups)

@@ -328,16 +328,6 @@ def check_combinations(options: GraftOptions) -> None:
                 raise UsageError(f"--{names[other]} cannot be combined with --{names[name]}{hint}")
 
 
-def check_swap(library: Library, swap: Sequence[str] | None) -> None:
-    """Raise a UsageError if ``--swap`` names the base group."""
-    if (base := library.groups.base) in (swap or ()):
-        raise UsageError(
-            f"--swap cannot exchange {base}, the base group, which keeps its motion: write the "
-            "groups by mograft groups FILE -o g.toml, set another base there, and give the motion "
-            f"files with --groups g.toml --swap {base}"
-        )
-
-
 def read_scenario(library: Library, options: GraftOptions) -> IntArray | Scenario | None:
     """Return the base segments that ``--scenario`` selects, or None for a captured clip."""
     if options.scenario == "original":

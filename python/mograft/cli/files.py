@@ -76,8 +76,8 @@ def library_folder(files: Sequence[str]) -> Path | None:
         return None
     if len(files) > 1:
         raise UsageError(
-            "expected one library or motion files, got both or several libraries; "
-            "mograft index --add adds files to a library"
+            "expected one library or motion files, got both or several libraries; mograft graft "
+            "LIB --base FILE grafts a file, mograft index FILE --add -o LIB adds it to a library"
         )
     return Path(files[0])
 

@@ -57,7 +57,7 @@ def with_flags(text: str, options: Options, *, is_advice: bool = False) -> str:
             files = getattr(options, "files", ())
             is_fixed = not hasattr(options, name) or any(map(is_library, files))
             words = f"--groups {value}"
-            return f"a new library, by mograft index FILE -o LIB {words}," if is_fixed else words
+            return f"a library made by mograft index FILE -o LIB {words}" if is_fixed else words
         is_option = hasattr(options, name)
         return f"--{name} {value}" if is_option else f"--set {name}={value.lower()}"
 

@@ -14,7 +14,7 @@ from mograft.blend.recombine import recombine, splice
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.body.anatomy import feature_joints
 from mograft.body.contacts import detect_contacts, find_legs
-from mograft.body.groups import PRESETS, JointGroups
+from mograft.body.groups import OTHER_BASE, PRESETS, JointGroups
 from mograft.errors import join_names, suggest_name
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -74,10 +74,11 @@ class ChangedPart:
             for group, spec in problem.group_specs.items():
                 if name in groups and np.isin(groups[name], spec.whole_joints).all():
                     return cls(group, replace(spec, joints=groups[name], held={}))
+        base = problem.library.groups.base
+        hint = f"; {base!r} is the base group, which keeps its motion with all parts; {OTHER_BASE}"
         raise ValueError(
             f"`group` must be an exchanged group, one of {join_names(list(problem.pools))}, or a "
-            f"body part within one (the group {problem.library.groups.base!r} keeps its motion); "
-            f"got {name!r}{suggest_name(name, names)}"
+            f"body part within one; got {name!r}{suggest_name(name, names) or hint}"
         )
 
 

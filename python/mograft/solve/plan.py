@@ -9,7 +9,7 @@ import numpy as np
 
 from mograft._util.arrays import IntArray, as_indices
 from mograft._util.memory import reuse_freed_arrays
-from mograft.body.groups import suggest_groups
+from mograft.body.groups import OTHER_BASE, suggest_groups
 from mograft.config import Config
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -146,6 +146,11 @@ def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
         raise TypeError(f"`swap` must be a list of groups, got {swap!r}")
     wanted = others if swap is None else list(swap)
     for name in wanted:
+        if name == base:
+            raise ValueError(
+                f"`swap` must not have the base group {base!r}, which keeps its motion; "
+                f"{OTHER_BASE}"
+            )
         if name not in others:
             raise ValueError(
                 f"`swap` must name groups other than the base group {base!r}, got {name!r}: "

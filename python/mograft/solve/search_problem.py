@@ -174,12 +174,12 @@ def _describe_segment(segments: Segments, frames: Span, *, is_number: bool = Fal
     shared = np.minimum(segments.stop - 1, last) - np.maximum(segments.start, first)
     index, n_frames = int(np.argmax(shared)), int(segments.stop[-1])
     span = f"{segments.start[index]}-{segments.stop[index]}"
-    which = f"frame {first} is" if first == last else f"most of frames {first}-{last} is"
+    which = f"frame {first} is in" if first == last else f"most of frames {first}-{last} is in"
     if first > n_frames:
-        which = f"the last frame is {n_frames},"
-    return (
-        f"{which} in segment {index}, frames {span}; did you mean {index if is_number else span}?"
-    )
+        which = f"the last frame is {n_frames}, in"
+    elif last - first > 2 * (segments.stop[index] - segments.start[index]):
+        which = "these are several segments, with most frames in"
+    return f"{which} segment {index}, frames {span}; did you mean {index if is_number else span}?"
 
 
 def driven_joints(skeleton: Skeleton, members: Mapping[str, IntArray]) -> dict[str, BoolArray]:

@@ -56,7 +56,8 @@ _ALLOWED = (*_EDITS, *_OUTPUTS, "verbose", "files", "from_")
 
 _KEPT_VIOLATIONS = (
     "joints that are not exchanged violate constraints, which no donor can remove; no motion was "
-    "written; place the obstacle or target elsewhere, choose another --base, or add --best-effort"
+    "written; place the obstacle or target elsewhere, choose another --base, or exchange these "
+    "joints by a --groups file with another base group; --best-effort writes the violation"
 )
 _WAY_ROUND = "; mograft export BASE -o new.bvh --avoid ... leads a walk round an obstacle"
 
@@ -92,7 +93,6 @@ def run(options: GraftOptions) -> int:
             paths, page = graft_files.output_paths(options, library.names[0], sources, suffix)
     if options.model and library.skeleton.hinges is None:
         raise UsageError(f"--model requires motions of a robot, such as .csv; got {first}")
-    configuration.check_swap(library, options.swap)
     constraints = configuration.read_constraints(options, library.rate)
     if options.change:
         constraints.append(KeepOriginal())

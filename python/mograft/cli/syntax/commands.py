@@ -273,7 +273,7 @@ class EvaluateOptions(options.SeedOptions, options.LibraryOptions, options.Write
     output: values.Folder | None = option("folder for evaluation.json and index.html", short="-o")
     rate: values.Rate | None = setting("frame rate of all files (default: that of most frames)")
     runs: values.Count = setting("number of motions created from each base (default: 6)", default=6)
-    bases: values.Count = setting("maximum number of base clips (default: 4)", default=4)
+    bases: values.Bases = setting("maximum number of base clips (default: 4)", default=4)
 
 
 class DoctorOptions(options.ResultOptions):

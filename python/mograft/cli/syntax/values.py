@@ -366,8 +366,9 @@ _motions = number(int, "from 1 to 100000 (other seeds give more)", lambda n: 1 <
 _index = number(int, "an integer of at least 0", lambda n: n >= 0)
 _decimals = number(int, "an integer from 1 to 12", lambda n: 1 <= n <= 12)
 _port = number(int, "an integer from 0 to 65535", lambda n: 0 <= n <= 65535)
-_turn = number(float, "an angle in degrees", math.isfinite)
+_turn = number(float, "an angle in degrees, above 0 for left, such as 90", math.isfinite)
 _share = number(float, "a number from 0 to 1", lambda x: 0 <= x <= 1)
+_bases = number(int, "a number of clips, at least 1 (for one clip give its file)", lambda n: n >= 1)
 _windows = number(int, "from 1 to 10000000", lambda n: 1 <= n <= 10_000_000)
 _distance = number(
     float,
@@ -380,6 +381,7 @@ _non_negative = number(float, "a number of at least 0", lambda x: 0 <= x < math.
 
 Name = Annotated[str, Value("NAME")]
 Count = Annotated[int, Value("N", _count)]
+Bases = Annotated[int, Value("N", _bases)]
 Motions = Annotated[int, Value("N", _motions)]
 Windows = Annotated[int, Value("N", _windows)]
 Index = Annotated[int, Value("N", _index)]
