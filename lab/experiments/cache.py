@@ -7,7 +7,8 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-_UNRELATED = ("cli", "datasets", "stream", "studio", "viewing")  # no result depends on these
+_UNRELATED = ("cli", "datasets", "provenance", "stream", "studio", "viewing")
+"""Packages on which no result depends."""
 
 
 def code_version(*modules):

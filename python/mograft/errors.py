@@ -109,7 +109,7 @@ def suggest_frames(frames: tuple[int, int], last: int, shortest: int = 0) -> str
     """
     n = max(frames[1] - frames[0], shortest)
     stop = min(frames[0] + n, last)
-    start = frames[0] if frames[0] + min(n, 1) <= stop else max(stop - n, 0)
+    start = frames[0] if frames[0] + max(min(n, 1), shortest) <= stop else max(stop - n, 0)
     given, meant = (f"{a}-{b}" if a < b else f"{a}" for a, b in (frames, (start, stop)))
     return f"got {given}; did you mean {meant}?"
 

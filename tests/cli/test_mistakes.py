@@ -45,7 +45,7 @@ MISTAKES = [
     ("graft a.bvh -o x --groups lower_uper", USAGE, "'lower_uper'; did you mean 'lower_upper'?"),
     ("graft a.bvh -o x --scenario graph --among wlk", RUNTIME, "--among must match"),
     ("evaluate balance", USAGE, "expected one library or at least one motion file"),
-    ("evaluate a.bvh --rate 0", USAGE, "--rate: must be a number above 0, got 0"),
+    ("evaluate a.bvh --rate 0", USAGE, "--rate: must be frames per second above 0, got 0"),
     ("evaluate a.bvh --runs 0", USAGE, "--runs: must be an integer of at least 1, got 0"),
     ("evaluate a.bvh qualiti", USAGE, "got qualiti; did you mean 'quality'?"),
     ("graft a.bvh -o x --base othr.bvh", RUNTIME, "got 'othr.bvh'; did you mean 'other.bvh'?"),
@@ -57,7 +57,10 @@ MISTAKES = [
     ("graft a.bvh -o x --set variety=1", USAGE, "no field of Config; `variety` sets"),
     ("graft --from a.bvh -o x", INVALID, "expected the JSON file that is written beside a new"),
     ("graft a.bvh -o x --face b", USAGE, "argument --face: expected a point X,Y,Z, got b"),
-    ("graft a.bvh -o x --change legs@0-9", RUNTIME, "; 'lower' is the base group, which keeps its"),
+    ("graft a.bvh -o x --change legs@0-9", RUNTIME, "got 'legs', which is no name of a group "
+     "or part; the base group 'lower' keeps its motion; to exchange it, set another base"),
+    ("graft a.bvh b.bvh -o x --base a --change upper@0-90=b:280-400", RUNTIME, "did you mean "
+     "179-299?"),
     ("graft a.bvh -o x --set seam", USAGE, "offset, with a field of docs/settings.md, got seam"),
     ("graft a.bvh -o x --set segmentation=no.json", RUNTIME, "no.json: No such file or directory"),
     ("index b.bvh -o lib --add --set segmentation=energy", USAGE, "--set is fixed when"),
@@ -179,7 +182,7 @@ MISTAKES = [
     ("graft a.bvh -o x --distinct 181", USAGE, "must be an angle from 0 to 180, such as 5 ("),
     ("export a.bvh -o x.csv --frames 100-900", RUNTIME, "--frames must be two or more"),
     ("graft a.bvh -o x --avoid cube:0,0,0,1", USAGE, "got cube"),
-    ("graft a.bvh -o x --avoid sphere:0,0,0", USAGE, "expected X,Y,Z,RADIUS, got 0,0,0"),
+    ("graft a.bvh -o x --avoid sphere:0,0,0", USAGE, "expected sphere:X,Y,Z,RADIUS, got sphere:0"),
     ("graft a.bvh -o x --scenario graph --base b.bvh", USAGE, "--base cannot be combined with"),
     ("graft a.bvh -o x --base b.bvh --duration 9", USAGE, "graph, which makes a base itself: leave "
      "--base out"),
@@ -216,7 +219,7 @@ MISTAKES = [
     ("graft a.bvh -o x --face 10-20:0,90,0", USAGE, "did you mean '0,90,0@10-20'?"),
     ("graft a.bvh -o x --avoid sphere=0,90,0,20", USAGE, "did you mean 'sphere:0,90,0,20'?"),
     ("export a.bvh -o x.npz --frames 10..20", USAGE, "got 10..20; did you mean '10-20'?"),
-    ("augment a.bvh -o x -n 2 --seconds 2,5", USAGE, "must be a number above 0, got 2,5"),
+    ("augment a.bvh -o x -n 2 --seconds 2,5", USAGE, "must be seconds above 0, got 2,5"),
     ("graft a.bvh -o x --set seam_blend:0.6", USAGE, "did you mean 'seam_blend=0.6'?"),
     ("graft a.bvh -o x --ban 3=", USAGE, "expected SEGMENT, SEGMENT=CLIP or"),
     ("graft a.bvh -o x --only-violations -n 2", USAGE,

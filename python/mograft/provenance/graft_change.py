@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
+from math import ceil
 
 from mograft._util.names import find_matches
 from mograft._util.validate import as_integer
@@ -198,9 +199,10 @@ def _exact_span(library: Library, frames: Span, donor: tuple[str, int, int]) -> 
     first, last = as_span("donor", donor[1:])
     n_frames = library.clips[clip].n_frames
     if not first < last < n_frames:
+        shortest = max(1, ceil((frames[1] - frames[0]) / MAX_RATIO))
         raise ValueError(
             f"`donor` must be at least two frames from 0 to {n_frames - 1} of {donor[0]}, "
-            f"{suggest_frames((first, last), n_frames - 1, 1)}"
+            f"{suggest_frames((first, last), n_frames - 1, shortest)}"
         )
     ratio = (last - first) / (frames[1] - frames[0])
     if not 1 / MAX_RATIO <= ratio <= MAX_RATIO:

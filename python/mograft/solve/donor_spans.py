@@ -75,10 +75,11 @@ class ChangedPart:
                 if name in groups and np.isin(groups[name], spec.whole_joints).all():
                     return cls(group, replace(spec, joints=groups[name], held={}))
         base = problem.library.groups.base
-        hint = f"; {base!r} is the base group, which keeps its motion with all parts; {OTHER_BASE}"
+        hint = f"; the base group {base!r} keeps its motion; {OTHER_BASE}"
+        known = "" if name in (base, *names) else ", which is no name of a group or part"
         raise ValueError(
             f"`group` must be an exchanged group, one of {join_names(list(problem.pools))}, or a "
-            f"body part within one; got {name!r}{suggest_name(name, names) or hint}"
+            f"body part within one; got {name!r}{suggest_name(name, names) or known + hint}"
         )
 
 

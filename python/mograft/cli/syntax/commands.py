@@ -123,7 +123,7 @@ class StreamOptions(options.LibraryOptions):
         "port at which a VMC sender gives the base (default host: 127.0.0.1, only this computer)"
     )
     vmc: values.Receiver | None = option("VMC receiver of the new motion (default port: 39539)")
-    delay: values.NonNegative = setting(
+    delay: values.Delay = setting(
         "seconds that a part of --vmc-in waits for later ones; with 0 the fewest (default: 1.2)",
         default=1.2,
     )

@@ -6,9 +6,10 @@ A frame is a number or, with the suffix ``s``, a time in seconds.
 import math
 import re
 from argparse import ArgumentTypeError
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from mograft._util.names import AUTOMATIC, automatic_number, is_automatic
 from mograft.cli.syntax.converters import Value, number, one_of, parser
@@ -277,14 +278,14 @@ def picture_size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _numbers(text: str, *forms: str) -> tuple[float, ...]:
-    """Parse as many numbers as one of `forms`, such as ``X,Y,Z``, has."""
+def _numbers(text: str, *forms: str, prefix: str = "") -> tuple[float, ...]:
+    """Parse as many numbers as one of `forms`, such as ``X,Y,Z``, has; `prefix` is before them."""
     numbers, words = tuple[float, ...](), text.split(",")
     if len(words) in [len(form.split(",")) for form in forms]:
         with suppress(ValueError):
             numbers = tuple(map(float, words))
     if not numbers:
-        raise ArgumentTypeError(f"expected {' or '.join(forms)}, got {text}")
+        raise ArgumentTypeError(f"expected {prefix}{' or '.join(forms)}, got {prefix}{text}")
     return numbers
 
 
@@ -320,7 +321,7 @@ def _shape(text: str) -> tuple[str, tuple[float, ...]]:
     """Parse a shape or the file of a character into its name and numbers."""
     kind, colon, rest = text.partition(":")
     if colon and kind in SHAPES:
-        return kind, _numbers(rest, SHAPES[kind])
+        return kind, _numbers(rest, SHAPES[kind], prefix=f"{kind}:")
     name, separator, place = text.rpartition("@")
     path = Path((name or text).partition("#")[0])
     if not path.exists() and (not path.suffix or re.search("[,;=:]", str(path))):
@@ -375,6 +376,12 @@ _distance = number(
     "an angle from 0 to 180, such as 5 (different motions are some 5 to 20 degrees apart)",
     lambda x: 0 <= x <= 180,
 )
+
+
+def _amount(unit: str) -> Callable[[str], Any]:
+    return number(float, f"{unit} above 0", lambda x: 0 < x < math.inf)
+
+
 _stretch = number(float, "a fraction from 0 to 3, such as 0.3 for 30 %", lambda x: 0 <= x <= 3)
 _angle = number(float, "an angle in degrees, above 0 and at most 180", lambda x: 0 < x <= 180)
 _non_negative = number(float, "a number of at least 0", lambda x: 0 <= x < math.inf)
@@ -389,10 +396,11 @@ Decimals = Annotated[int, Value("N", _decimals)]
 Port = Annotated[int, Value("N", _port)]
 Share = Annotated[float, Value("X", _share)]
 NonNegative = Annotated[float, Value("X", _non_negative)]
-Rate = Annotated[float, Value("FPS", _positive)]
-Duration = Annotated[float, Value("S", _positive)]
-Tempo = Annotated[float, Value("BPM", _positive)]
-Speed = Annotated[float, Value("X", _positive)]
+Rate = Annotated[float, Value("FPS", _amount("frames per second"))]
+Duration = Annotated[float, Value("S", _amount("seconds"))]
+Delay = Annotated[float, Value("S", number(float, "seconds, such as 0.5", lambda x: x >= 0))]
+Tempo = Annotated[float, Value("BPM", _amount("beats per minute"))]
+Speed = Annotated[float, Value("X", _amount("a factor, such as 0.5,"))]
 Degrees = Annotated[float, Value("DEGREES", _angle)]
 Stretch = Annotated[float, Value("X", _stretch)]
 Turn = Annotated[float, Value("DEGREES", _turn)]
