@@ -47,9 +47,8 @@ All of them are in memory at the same time.
 
 _N_DEMO_GRAFTS = 3
 _NEAR_DEGREES = 1.0  # mean angle below which a motion counts as an earlier one again
-_PLACES = ("reach", "avoid", "avoid_self", "face")
 _DONORS = ("only_from", "not_from", "only_tagged", "not_tagged")
-_EDITS = ("change", "take", "ban", "keep", *_PLACES, *_DONORS)
+_EDITS = (*("change", "take", "ban", "keep", "reach", "avoid", "avoid_self", "face"), *_DONORS)
 _OUTPUTS = ("output", "into", "as_", "report", "measure", "digits", "json", "force", "quiet")
 _ALLOWED = (*_EDITS, *_OUTPUTS, "verbose", "files", "from_")
 """Arguments that may be given with ``--from``; the provenance sets all others."""
