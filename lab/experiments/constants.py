@@ -1,4 +1,4 @@
-"""The constants of the program that were chosen on recordings, and those recordings.
+"""Constants of `Config` and of the costs, and the recordings on which they were chosen.
 
 A source on which a constant was chosen is a development source; no conclusion about held-out
 recordings rests on it. The values are checked against the program (`tests/lab`).
