@@ -486,7 +486,7 @@ OF_GROUP = mc.KeepOriginal(frames=(0, 9), group="upper")
         ({"delay": -1.0}, "`delay` must be at least 0 seconds, got -1.0"),
         ({"horizon": 0}, "`horizon` must be a whole number of at least 1, got 0"),
         ({"seed": -1}, "`seed` must be a whole number of at least 0, got -1"),
-        ({"swap": ["lower"]}, "`swap` must name groups other than the base group 'lower'"),
+        ({"swap": ["lower"]}, "`swap` must not have the base group 'lower'"),
         ({"swap": [1]}, "`swap` must name groups other than .*, got 1: choose from"),
         ({"constraints": ["none"]}, "`constraints` must contain only constraints, got 'n"),
         ({"constraints": [mc.NotFrom("waltz")]}, "must match at least one of clip0, "),
