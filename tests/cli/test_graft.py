@@ -232,6 +232,19 @@ def test_graft_digits_option_is_recorded_and_may_be_replaced(run, folder, tmp_pa
     assert "damaged: `digits` must be an integer from 1 to 12, got 99" in err
 
 
+def test_graft_from_with_a_variety_prints_a_command_that_makes_new_motions(
+    usage_error, succeed, folder, tmp_path
+):
+    succeed("graft", folder, "-o", tmp_path / "out", "-n", 2, "--swap", "upper")
+    source, target = next((tmp_path / "out").glob("*.json")), tmp_path / "new.bvh"
+    message = usage_error("graft", "--from", source, "--variety", "0.6", "-o", target)
+    command = shlex.split(message.rpartition("same files: ")[2])
+    assert command[-4:] == ["--variety", "0.6", "-o", str(target)]
+    succeed(*command[1:])
+    request = json.loads(target.with_suffix(".json").read_text())["request"]
+    assert request["swap"] == ["upper"]
+
+
 @pytest.fixture(scope="module")
 def first(folder, tmp_path_factory):
     """The path of a graft of the clips in a folder."""

@@ -127,9 +127,10 @@ def new_command(options: GraftOptions) -> str:
     first = shlex.split(record.document["request"]["command"] or "")
     if first[1:2] != ["graft"]:  # in Python, or by another command
         first = ["mograft", "graft", *(record.sources or ["FILE"])]
-    elif "-o" in first:
-        at = first.index("-o")
-        del first[at : at + 2]
+    for flag in ("-o", "-n"):  # of the other output
+        if flag in first:
+            at = first.index(flag)
+            del first[at : at + 2]
     return shlex.join([*first, *words[2:]])
 
 
