@@ -11,13 +11,12 @@ If copies could be donors, the captured part would be the cheapest one, and the 
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 import mograft as mg
-from lab.common import run, tiny_motion
-from lab.studies.variety import NEW_ANGLE, read_source
+from lab.common import run
+from lab.studies.variety import NEW_ANGLE, read_sources
 
 COUNT = 5
 PIECE_SECONDS = 10
@@ -51,10 +50,7 @@ def measure_stream(library, base):
 
 def report(options):
     """Print the table."""
-    if options.tiny:
-        sources = {"tiny": mg.Library.build([tiny_motion(), tiny_motion(2)])}
-    else:
-        sources = {Path(folder).name: read_source(folder) for folder in options.folders}
+    sources = read_sources(options)
     print("| source | piece | stream |\n|---|---|---|")
     for name, library in sources.items():
         take = max(library.clips, key=len)

@@ -8,13 +8,12 @@ seam gap.
 
 import argparse
 import math
-from pathlib import Path
 
 import numpy as np
 
 import mograft as mg
-from lab.common import run, tiny_motion
-from lab.studies.variety import read_source
+from lab.common import run
+from lab.studies.variety import read_sources
 
 SETTINGS = ((1, 0.0), (8, 0.8), (8, 1.0), (8, 1.2), (8, 1.5), (8, math.inf))
 MAX_FRAMES = 900
@@ -35,10 +34,7 @@ def measure(library, base, horizon, delay):
 
 def report(options):
     """Print the table."""
-    if options.tiny:
-        sources = {"tiny": mg.Library.build([tiny_motion(), tiny_motion(2)])}
-    else:
-        sources = {Path(folder).name: read_source(folder) for folder in options.folders}
+    sources = read_sources(options)
     print("| source | horizon | delay | median | 99 % | seam gap |\n|---|---|---|---|---|---|")
     for name, library in sources.items():
         base = max(library.clips, key=len)[:MAX_FRAMES]

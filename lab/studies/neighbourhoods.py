@@ -19,14 +19,13 @@ prints, for each source,
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
 
 import mograft as mg
-from lab.common import run, tiny_motion
-from lab.studies.variety import COLUMNS, measure, print_row, read_source
+from lab.common import run
+from lab.studies.variety import COLUMNS, measure, print_row, read_sources
 from mograft.search.neighbourhoods import NEIGHBOURHOODS
 
 PARTS = ("stability", "metric", "grafts")
@@ -177,10 +176,7 @@ def gains(library):
 
 def report(options):
     """Print the tables."""
-    if options.tiny:
-        sources = {"tiny": mg.Library.build([tiny_motion(), tiny_motion(2)])}
-    else:
-        sources = {Path(folder).name: read_source(folder) for folder in options.folders}
+    sources = read_sources(options)
     if options.only in (None, "stability"):
         print("| source | rule | pairs in common | without a candidate |\n|---|---|---|---|")
         for source, library in sources.items():

@@ -73,6 +73,13 @@ def read_source(folder):
     return mg.Library.build(largest, rate=RATE)
 
 
+def read_sources(options):
+    """The library of each folder in `options`, by name; with ``--tiny`` a generated one."""
+    if options.tiny:
+        return {"tiny": mg.Library.build([tiny_motion(), tiny_motion(2)])}
+    return {Path(folder).name: read_source(folder) for folder in options.folders}
+
+
 def equal_radius(library, scale):
     """The radius of balls with as many members as clusters, in thresholds; mean members."""
     labelled = library.relabelled(mg.Config(sigma_scale=scale))
@@ -209,10 +216,7 @@ def print_row(name, label, values):
 
 def report(options):
     """Print the tables."""
-    if options.tiny:
-        sources = {"tiny": mg.Library.build([tiny_motion(), tiny_motion(2)])}
-    else:
-        sources = {Path(folder).name: read_source(folder) for folder in options.folders}
+    sources = read_sources(options)
     if options.only in (None, "radius"):
         print_radius(sources)
     if options.only in (None, "share"):
