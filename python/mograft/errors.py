@@ -117,8 +117,9 @@ def suggest_frames(frames: tuple[int, int], last: int, shortest: int = 0) -> str
 def suggest_path(path: str | Path) -> str:
     """Return "; did you mean 'X'?" for a path that does not exist, or "".
 
-    X is the most similar path in the folder of the first missing part of the path. If none is
-    similar, the files there with the suffix of the path are listed.
+    X is the most similar path in the folder of the first missing part of the path, or one that
+    differs in its suffix. If none is similar, the files there with the suffix of the path are
+    listed.
     """
     missing = [own for own in (Path(path), *Path(path).parents) if not own.exists()]
     if not missing or not missing[-1].parent.is_dir():

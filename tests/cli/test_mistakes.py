@@ -195,6 +195,7 @@ MISTAKES = [
     ("graft a.bvh -o x --avoid box:0,0,0,2,2,-2", USAGE, "HX,HY,HZ must not be negative"),
     ("graft lib -o x --swap lower", RUNTIME, "and use a library made by mograft index FILE -o LIB"),
     ("info b.glb", RUNTIME, "b.glb: No such file or directory; did you mean 'b.bvh'?"),
+    ("stream a.bvh --port 0 --delay inf", USAGE, "must be seconds of at least 0, such as 0.5, got"),
     ("studio text", USAGE, "text is neither a motion file, nor a project.json or a library"),
     ("graft a.bvh -o x --duration 9", USAGE, "--duration requires --scenario graph"),
     ("graft a.bvh -o x --scenario graph --duration 1e300", RUNTIME, "at most 86400 s, got 1e+300"),

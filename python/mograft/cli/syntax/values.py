@@ -384,6 +384,7 @@ def _amount(unit: str) -> Callable[[str], Any]:
 
 _stretch = number(float, "a fraction from 0 to 3, such as 0.3 for 30 %", lambda x: 0 <= x <= 3)
 _angle = number(float, "an angle in degrees, above 0 and at most 180", lambda x: 0 < x <= 180)
+_delay = number(float, "seconds of at least 0, such as 0.5", lambda x: 0 <= x < math.inf)
 _non_negative = number(float, "a number of at least 0", lambda x: 0 <= x < math.inf)
 
 Name = Annotated[str, Value("NAME")]
@@ -398,7 +399,7 @@ Share = Annotated[float, Value("X", _share)]
 NonNegative = Annotated[float, Value("X", _non_negative)]
 Rate = Annotated[float, Value("FPS", _amount("frames per second"))]
 Duration = Annotated[float, Value("S", _amount("seconds"))]
-Delay = Annotated[float, Value("S", number(float, "seconds, such as 0.5", lambda x: x >= 0))]
+Delay = Annotated[float, Value("S", _delay)]
 Tempo = Annotated[float, Value("BPM", _amount("beats per minute"))]
 Speed = Annotated[float, Value("X", _amount("a factor, such as 0.5,"))]
 Degrees = Annotated[float, Value("DEGREES", _angle)]
