@@ -8,11 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import Config
-from mograft.blend import donor_timeline
 from mograft.blend.recombine import recombine
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.transplant import GraftedGroup, transplant
-from mograft.blend.trunk_lean import TrunkLean
 from mograft.motion import rotations
 from tests.oracles import blend as oracle
 from tests.strategies import (
@@ -288,20 +286,3 @@ def test_transplant_any_number_of_joints_at_a_time_gives_same_bits(
     assert (found.positions is None) == (expected.positions is None)
     if expected.positions is not None:
         np.testing.assert_array_equal(found.positions, expected.positions)
-
-
-@few_examples(40)
-@given(SEGMENT_LENGTHS, SEEDS, CONFIGS, st.sampled_from([0, 60, 300, 1 << 21]))
-def test_transplant_with_known_rotations_of_donors_gives_same_bits(lengths, seed, config, limit):
-    rng, cut = np.random.default_rng(seed), tile_segments(lengths)
-    clips = [random_star_clip(rng, cut), random_star_clip(rng, cut)]
-    clips[1] = replace(clips[1], skeleton=clips[0].skeleton, channel_values=None)
-    lean = TrunkLean.from_config(clips[0], JOINTS, GROUP.up, config)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(donor_timeline, "_MAX_KNOWN_VALUES", limit)
-        for _ in range(4):
-            chosen, clip = rng.integers(0, len(cut), len(cut)), rng.integers(0, 2, len(cut))
-            own = clips[0], cut, replace(cut[chosen], clip=clip), clips, GROUP, config
-            known, expected = transplant(*own, lean), transplant(*own)
-            assert known.rotations.tobytes() == expected.rotations.tobytes()
-            np.testing.assert_array_equal(known.seams, expected.seams)
