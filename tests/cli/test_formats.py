@@ -146,14 +146,6 @@ def test_graft_glb_stored_library_and_report(run, succeed, figure, tmp_path):
     assert mg.read_bvh(bvh).n_frames == 300
 
 
-def test_graft_glb_in_folder_is_excluded_as_donor(run, figure, tmp_path):
-    out = tmp_path / "out.glb"
-    assert run("graft", figure, "-o", out, "-n", 2)[0] == 0
-    (tmp_path / "dance.glb").write_bytes(figure.read_bytes())
-    assert run("index", tmp_path, "-o", tmp_path / "lib")[0] == 0
-    assert mg.Library.open(tmp_path / "lib").names == ("a", "b")
-
-
 def test_scene_of_glb_shows_donors_of_grafts_only(run, figure, tmp_path):
     out = tmp_path / "out.glb"
     assert run("graft", figure, "-o", out)[0] == 0
@@ -163,11 +155,6 @@ def test_scene_of_glb_shows_donors_of_grafts_only(run, figure, tmp_path):
     assert (base.name, new.name) == ("a", "a_graft0")
     assert [row.group for row in new.rows] == ["upper"]
     assert any(part.is_exchanged for part in new.rows[0].parts)
-
-
-def test_graft_glb_with_digits_is_usage_error(usage_error, figure):
-    message = usage_error("graft", figure, "-o", "out.glb", "--digits", 8)
-    assert "--digits requires .bvh; got out.glb" in message
 
 
 def test_graft_into_adds_to_the_file_itself(run, succeed, figure, tmp_path):
@@ -326,10 +313,3 @@ def test_export_format_writes_each_motion_as_a_single_export_does(suffix, succee
     code, _, err = run("export", "in", "-o", "out", "--format", suffix)
     assert code == 1
     assert f"a.{suffix} and 2 other files exist; use --force to overwrite" in err
-
-
-def test_export_of_several_motions_names_the_option_for_a_folder(usage_error, clip):
-    assert "-o FOLDER --format bvh" in usage_error("export", clip, clip, "-o", "x.bvh")
-    assert "add --format, such as --format bvh" in usage_error("export", clip, "-o", "out")
-    err = usage_error("export", clip, "-o", "x.bvh", "--format", "bvh")
-    assert "--format needs a folder, got -o x.bvh" in err
