@@ -18,14 +18,6 @@ from mograft.formats import write_npz
 from tests.hierarchies import skeleton_from_text
 from tests.strategies import smooth_rotations
 
-
-def test_info_prints_joints_frames_and_groups(succeed, folder):
-    document = json.loads(succeed("info", "--json", folder / "a.bvh")[0])
-    assert document["schema"] == "mograft.info/1"
-    assert document["files"][0]["joints"] == 18
-    assert document["files"][0]["groups"]["lower"][0] == "Hips"
-
-
 FIGURES = [
     "Hips { Spine > Head | LeftUpLeg > LeftLeg > LeftFoot | RightUpLeg > RightLeg > RightFoot }",
     "Hips { Spine {Head | LeftArm > LeftHand | RightArm > RightHand} | LeftLeg | RightLeg }",

@@ -43,24 +43,14 @@ def test_info_lists_clips(run, succeed, pack):
     assert "note: nodes that are not joints: bones" in out
 
 
-@pytest.mark.parametrize("name", ["#Rig|walk_b", "walk_b", "*_b"])
-def test_graft_base_is_found_by_any_unique_pattern_of_its_name(succeed, pack, tmp_path, name):
-    succeed("graft", pack, "--base", name, "-o", tmp_path / "found.glb")
-    succeed("graft", pack, "--base", "Rig|walk_b", "-o", tmp_path / "exact.glb")
-    clip = "#Rig|walk_b_graft0"
-    motions = [mg.read(f"{tmp_path / own}.glb{clip}")[0] for own in ("found", "exact")]
-    assert (motions[0].rotations == motions[1].rotations).all()
-
-
-def test_graft_base_by_address_equals_base_by_name(succeed, pack, tmp_path):
-    for name, base in (("a", f"{pack}#jump"), ("b", "Rig|jump")):
-        options = ("--base", base, "--seed", "3", "-o", tmp_path / name)
-        succeed("graft", pack, *options)
-        # The names of files have no characters that some systems refuse.
-    (first,) = (tmp_path / "a").glob("*.bvh")
-    (second,) = (tmp_path / "b").glob("*.bvh")
-    assert first.name == "jump_graft0.bvh"
-    assert first.read_bytes() == second.read_bytes()
+def test_graft_base_is_found_by_its_address_and_any_unique_pattern(succeed, pack, tmp_path):
+    bases = (f"{pack}#jump", "Rig|jump", "#Rig|jump", "jump", "*jump")
+    for number, base in enumerate(bases):
+        succeed("graft", pack, "--base", base, "--seed", 3, "-o", tmp_path / f"{number}.bvh")
+    assert len({path.read_bytes() for path in tmp_path.glob("*.bvh")}) == 1
+    # The names of files have no characters that some systems refuse.
+    succeed("graft", pack, "--base", bases[0], "-o", tmp_path / "out")
+    assert (tmp_path / "out" / "jump_graft0.bvh").exists()
 
 
 def test_graft_of_several_clips_as_base_names_them(run, pack, tmp_path):

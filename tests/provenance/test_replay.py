@@ -254,6 +254,7 @@ DAMAGED = {
     "groups": ({"groups_toml": "="}, "TOML"),
     "constraint": (request([{"kind": "X"}]), "'X'"),
     "nested constraint": (request([{"kind": "Ban", "donor": NESTED}]), "recursion"),
+    "digits": ({"digits": 99}, "`digits` must be an integer from 1 to 12, got 99"),
     "poses": ({"poses_sha256": "0" * 64}, "differs from that of the provenance"),
 }
 
