@@ -120,22 +120,11 @@ def test_groups_presets_equal_those_of_joint_groups():
     assert set(PRESETS) == set(joint_groups.PRESETS)
 
 
-def test_groups_output_is_accepted_by_graft(run, succeed, folder, tmp_path):
-    out = succeed("groups", folder / "a.bvh", "--preset", "lower_torso_arms")[0]
-    assert "LeftForeArm" in out
-    assert run("groups", folder, "--preset", "lower_torso_arms")[1] == out
-    path = tmp_path / "groups.toml"
-    _, out, _ = run("groups", folder / "a.bvh", "-o", path)
-    assert out.strip() == str(path)
-    assert run("groups", folder / "a.bvh", "-o", path)[0] == 1
-    out_file = tmp_path / "x.bvh"
-    assert run("graft", folder / "a.bvh", "--groups", path, "-o", out_file)[0] == 0
-
-
 def test_groups_file_is_accepted_by_all_commands(run, succeed, folder, tmp_path):
     groups = tmp_path / "groups.toml"
     groups.write_text('base = "all"\n[groups]\nall = ["*"]\n')
-    assert run("groups", folder / "a.bvh", "-o", groups, "--force")[0] == 0
+    words = ("groups", folder / "a.bvh", "-o", groups)
+    assert [run(*words, *force)[0] for force in ([], ["--force"])] == [1, 0]
     groups.write_text(groups.read_text().replace("upper", "above"))
     clip = folder / "a.bvh"
     for words in (
@@ -143,6 +132,7 @@ def test_groups_file_is_accepted_by_all_commands(run, succeed, folder, tmp_path)
         ("plot", "strip", clip, "-o", tmp_path / "strip.png"),
         ("view", clip, "-o", tmp_path / "a.html"),
         ("export", clip, "-o", tmp_path / "a.glb"),
+        ("graft", clip, "-o", tmp_path / "a.bvh"),
         ("candidates", clip, "--segment", 3, "--group", "above"),
     ):
         succeed(*words, "--groups", groups)

@@ -1,7 +1,6 @@
 """Commands on files of several clips, on formats other than BVH, and grafts in glTF files."""
 
 import json
-import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -169,16 +168,6 @@ def test_graft_into_adds_to_the_file_itself(run, succeed, figure, tmp_path):
     assert hero.read_bytes() == content
     succeed("graft", "--from", "hero.glb#new", "--into", "hero.glb", "--as", "a", "--force")
     assert "a" in mg.read("hero.glb").grafts
-
-
-def test_graft_report_of_glb_has_commands_that_run(succeed, figure, tmp_path):
-    (tmp_path / "hero.glb").write_bytes(figure.read_bytes())
-    succeed("graft", "hero.glb", "-n", 2, "-o", "new.glb", "--report")
-    page = (tmp_path / "new.html").read_text()
-    command = "mograft graft --from 'new.glb#a_graft1' -o new.glb --as a_graft1_new"
-    assert json.dumps(command) in page
-    succeed(*shlex.split(command)[1:], "--keep", "0-100")
-    assert mg.read("new.glb").names == ("a", "b", "a_graft0", "a_graft1", "a_graft1_new")
 
 
 def vertices(path):

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 import mograft as mg
 import mograft.constraints as mc
 from mograft._util.runs import dilate
-from mograft.blend.recombine import MAX_ANGLE, splice
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.transplant import seam_reach
 from mograft.config import CHOICES
@@ -279,57 +278,3 @@ def test_revision_of_graft_from_files_needs_the_library(library, tmp_path):
     ):
         with pytest.raises(ValueError, match="the whole library is needed"):
             revise(graft, *arguments)
-
-
-@few_examples(30)
-@given(seed=SEEDS, size=st.sampled_from([0.0, 1e-6, 1e-3, 0.1]))
-def test_splice_takes_each_frame_from_one_motion(seed, size):
-    rng = np.random.default_rng(seed)
-    before = dance(seed=1, strides=1).motion[:80]
-    turns = rotations.exp(size * rng.normal(size=(80, before.n_joints, 3)))
-    turns[rng.random(80) < 0.5] = rotations.IDENTITY
-    signs = rng.choice([-1.0, 1.0], (1, before.n_joints, 1))
-    after = replace(
-        before, rotations=signs * rotations.multiply(before.rotations, turns), channel_values=None
-    )
-    is_new = np.zeros(80, bool)
-    is_new[30 : int(rng.integers(31, 50))] = True
-    result = splice(before, after, is_new, 100.0, [])
-    step = rotations.multiply(rotations.inverse(before.rotations), after.rotations)
-    angles = np.linalg.norm(rotations.log(step), axis=2).max(axis=1)
-    expected = is_new.copy()
-    for frames in (range(29, -1, -1), range(int(np.flatnonzero(is_new)[-1]) + 1, 80)):
-        for frame in frames:  # grow until the motions are near
-            if angles[frame] <= MAX_ANGLE:
-                break
-            expected[frame] = True
-    np.testing.assert_array_equal(result.rotations[~expected], before.rotations[~expected])
-    np.testing.assert_array_equal(
-        result.channel_numbers()[~expected], before.channel_numbers()[~expected]
-    )
-    same = np.abs((result.rotations * after.rotations).sum(axis=2))
-    np.testing.assert_allclose(same[expected], 1.0, atol=1e-12)
-    products = (result.rotations[1:] * result.rotations[:-1]).sum(axis=2)
-    assert (products[29] > 0).all() or size > 0.05
-
-
-@few_examples(8)
-@given(
-    number=st.integers(0, 60), donor=st.integers(0, 100), group=st.sampled_from(["larm", "rarm"])
-)
-def test_constraints_of_a_group_leave_other_groups_unchanged(several, number, donor, group):
-    library = several.relabelled(replace(several.config, choice="viterbi", self_repair=False))
-    free = mg.graft(library)
-    span = free.substitutions[number][1:3]
-    present = int(free.donors[group][number])
-    for constraint in (
-        mc.Use(number, donor, group=group),
-        mc.Ban(number, present, group=group),
-        mc.KeepOriginal(frames=span, group=group),
-    ):
-        graft = mg.graft(library, constraints=[constraint])
-        for name, donors in graft.donors.items():
-            if name != group:
-                np.testing.assert_array_equal(donors, free.donors[name])
-        assert not graft.violations or isinstance(constraint, mc.Ban)
-    assert graft.donors[group][number] == graft.substitutions[number].segment
