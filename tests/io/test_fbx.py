@@ -293,6 +293,12 @@ def chain(n_nodes):
     return fbx.to_binary(Scene(nodes, one_node().takes))
 
 
+def with_offset(value):
+    return fbx.to_binary(
+        replace(one_node(), nodes=(Node("hips"), Node("spine", 0, T=(value, 0, 0))))
+    )
+
+
 def with_value(value, scale=1.0):
     """Return a file of a chain whose first joint moves by a value, which scales multiply."""
     layer = Layer({(0, "T"): np.full((2, 3), value)})
@@ -317,10 +323,11 @@ UNREADABLE = "expected an FBX file, got one that the library ufbx cannot read: "
         (partial(chain, 1001), "Node depth limit exceeded"),
         (partial(with_value, np.nan), "take 'walk': expected finite transforms"),
         (partial(with_value, np.inf), "take 'walk': expected finite transforms"),
+        (partial(with_offset, 1e200), "take 'walk': `offsets` must be at most 1e.100, got 1e.200"),
         # Finite in the file, and not after the scales.
         (partial(with_value, 3e38, 1e308), "expected a finite rest pose"),
     ],
-    ids=range(11),
+    ids=range(12),
 )
 def test_fbx_invalid_file_is_refused(path, data, message):
     path.write_bytes(data())
