@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from mograft import read_bvh
 from mograft.cli import COMMANDS, main
 from mograft.cli.output import EscapingStream, escape_output
+from mograft.cli.syntax.parser import parse
 
 
 def option_flags(command):
@@ -43,6 +44,14 @@ def test_option_with_doubled_letter_is_suggested(leaf, data):
     assert error[-1].startswith(f"error: {' '.join(words)} has no option {wrong}; did you mean")
     assert len(error) == 2
     assert error[0].startswith(f"usage: mograft {' '.join(words)} ")
+
+
+@given(parts=st.permutations([["a.bvh"], ["b.bvh"], ["-n", "2"], ["-o", "out"], ["-q"]]))
+def test_files_and_options_may_alternate(parts):
+    words = [word for part in parts for word in part]
+    options = parse(COMMANDS, ["graft", *words])[1]
+    assert [str(file) for file in options.files] == [own for own in words if own[-4:] == ".bvh"]
+    assert (options.count, str(options.output), options.quiet) == (2, "out", True)
 
 
 @pytest.mark.parametrize(("words", "command"), LEAVES, ids=["-".join(words) for words, _ in LEAVES])
