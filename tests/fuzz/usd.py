@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdSkel, Vt
 
-from tests.fuzz import LimitError, limits, read_motions
+from tests.fuzz import LimitError, change_words, limits, read_motions
 
 # Seeds of files that failed in earlier versions.
 SEEDS = (15, 593, 761, 1000415, 2002924)
@@ -100,20 +100,8 @@ def mutate(seed):
     rng = random.Random(seed)
     suffix, data = rng.choice(valid_files())
     for _ in range(rng.randint(1, 6)):
-        data = change_text(data, rng) if suffix == "usda" else change_bytes(data, rng)
+        data = change_words(data, rng, TOKENS) if suffix == "usda" else change_bytes(data, rng)
     return suffix, data
-
-
-def change_text(data, rng):
-    """Change words, numbers or lines."""
-    separator = rng.choice((b" ", b" ", b",", b"\n"))
-    parts = data.split(separator)
-    one, other = rng.randrange(len(parts)), rng.randrange(len(parts))
-    if separator == b"\n":
-        parts[one : one + rng.randint(0, 3)] = parts[other : other + rng.randint(0, 20)]
-    else:
-        parts[one] = rng.choice(TOKENS)
-    return separator.join(parts)
 
 
 def change_bytes(data, rng):
