@@ -113,6 +113,22 @@ def test_donor_share_is_monotone_and_keeps_ends(lengths, seed):
             np.testing.assert_allclose(over, shares, atol=1e-12)
 
 
+@given(SEEDS)
+def test_slopes_of_reversed_time_are_reversed(seed):
+    """Reversing time takes share s after t to 1 - s after 1 - t: slopes in opposite order."""
+    steps = np.random.default_rng(seed).uniform(0.05, 1.0, (6, 4))
+    shares = np.cumsum(steps / steps.sum(axis=1, keepdims=True), axis=1)
+    shares = np.column_stack([np.zeros(6), shares])
+    slopes, back = (
+        TimeWarp(own, np.ones(6, bool)).slopes for own in (shares, 1.0 - shares[:, ::-1])
+    )
+    np.testing.assert_allclose(back, slopes[:, ::-1], atol=1e-12)
+    steepest = 4.0 * np.diff(shares, axis=1)
+    assert (slopes >= 0.0).all()
+    assert (slopes[:, :-1] <= 3.0 * steepest).all()
+    assert (slopes[:, 1:] <= 3.0 * steepest).all()
+
+
 @given(SEEDS, st.floats(-0.6, 0.6))
 def test_transplant_dtw_undoes_a_known_time_warp(seed, bend):
     """The donor is the base with warped time; the graft removes most of the warp."""

@@ -119,22 +119,6 @@ def test_find_faults_rotated_frame_is_glitch_and_rotation_step_flip(motion, fram
         assert fault in fault_list(replace(motion, rotations=quats))
 
 
-@given(figures, frames, st.integers(1, N_FRAMES), st.data())
-def test_find_faults_any_number_of_steps_per_block_gives_same_faults(motion, frame, length, data):
-    order = np.sort(data.draw(st.permutations(range(N_FRAMES)))[: 3 * N_FRAMES // 4])
-    quats, positions = motion.rotations[order].copy(), motion.positions[order].copy()
-    flip = rotations.from_axis_angle([1, 0, 0], np.radians(170.0))
-    quats[frame // 2 :, 4] = rotations.multiply(quats[frame // 2 :, 4], flip)
-    quats[frame // 3, 6] = rotations.multiply(quats[frame // 3, 6], flip)
-    positions[frame // 2 :, 0, 0] += 3.0 * np.ptp(motion.world_positions()[0], axis=0).max()
-    faulty = mg.Motion(motion.skeleton, motion.frame_time, quats, positions)
-    expected = mg.find_faults(faulty)
-    assert {"glitch", "flip"} <= {fault.kind for fault in expected}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mograft.body.faults._STEPS_PER_BLOCK", length)
-        assert mg.find_faults(faulty) == expected
-
-
 @given(figures, frames)
 def test_find_faults_identical_frames_are_frozen(motion, frame):
     n_repeated = max(int(np.ceil(0.26 / motion.frame_time)), 4)

@@ -267,13 +267,9 @@ def library():
 CONSTRAINTS = {
     "pose": [
         mc.Avoid(mc.Sphere((30.0, 130.0, 40.0), 30.0)),
+        mc.AvoidSelf(tolerance=0.001),
         mc.Reach("LeftHand", (20.0, 120.0, 30.0), 200, weight=0.5),
         mc.Face((0.0, 150.0, 500.0), weight=0.2, frames=(100, 300)),
-    ],
-    "several hard": [
-        mc.Avoid(mc.Sphere((30.0, 130.0, 40.0), 30.0)),
-        mc.KeepOut("RightHand", mc.HalfSpace((0.0, 120.0, 0.0), (0.0, 1.0, 0.0))),
-        mc.AvoidSelf(tolerance=0.001),
     ],
     "origin": [
         mc.OnlyFrom("second", weight=0.7),
