@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -105,6 +106,19 @@ def test_find_faults_jump_is_teleport_and_displaced_frame_glitch(motion, frame, 
         positions = motion.positions.copy()
         positions[frame:stop, 0, 0] += step
         assert fault_list(replace(motion, positions=positions)) == [fault]
+
+
+@given(figures, frames)
+def test_find_faults_message_compares_a_jump_with_most_steps(motion, frame):
+    positions = motion.positions.copy()
+    positions[frame:, 0, 0] += 2.0 * np.ptp(motion.world_positions()[0], axis=0).max()
+    (fault,) = mg.find_faults(moved := replace(motion, positions=positions))
+    world = moved.world_positions()
+    height = np.median(np.ptp(world, axis=1).max(axis=-1))
+    steps = 100.0 / height * np.linalg.norm(np.diff(world, axis=0), axis=-1).mean(axis=-1)
+    low, high = np.percentile(steps, (5, 95))
+    numbers = [float(number) for number in re.findall(r"[\d.]+", fault.message)]
+    assert numbers == pytest.approx([steps[frame - 1], low, high], abs=0.51)
 
 
 @given(figures, frames, st.sampled_from([3, 4, 6]), st.floats(50.0, 178.0))
