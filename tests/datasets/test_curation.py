@@ -17,7 +17,7 @@ import mograft as mg
 from mograft import datasets
 from mograft.cli import main
 from mograft.datasets import curation
-from tests.datasets.conftest import executor_of
+from tests.executors import executor_of
 from tests.exit_codes import exit_code
 from tests.strategies import few_examples
 

@@ -14,7 +14,7 @@ from mograft import datasets
 from mograft.cli import main
 from mograft.datasets.finding import _Query, _sample
 from mograft.motion.resample import resample_segments
-from tests.datasets.conftest import executor_of
+from tests.executors import executor_of
 from tests.exit_codes import exit_code
 from tests.strategies import assert_same_rotations, few_examples, transform_motion
 

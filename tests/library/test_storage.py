@@ -24,7 +24,6 @@ from mograft import (
     LibraryError,
     MemoryBudgetError,
 )
-from mograft.analysis import embedding
 from mograft.analysis.embedding import Samples
 from mograft.library.files import array_files, storage, stored_clips
 from mograft.motion import limits
@@ -80,27 +79,24 @@ def test_save_any_number_of_blas_threads_writes_the_same_files(tmp_path):
 
 
 @given(st.lists(st.integers(0, 31), max_size=9))
-def test_stored_samples_select_returns_rows_of_the_chunks(stored_library, indices):
-    samples = replace(stored_library.samples, ranges=np.array([(0, 5, 20), (0, 0, 3), (0, 40, 9)]))
-    rows = np.concatenate([chunk.rows for chunk in samples.chunks()])
+def test_stored_samples_are_rows_of_the_files_in_any_chunks(stored_library, indices):
+    whole = np.concatenate([chunk.rows for chunk in stored_library.samples.chunks()])
+    ranges = np.array([(0, 5, 20), (0, 0, 3), (0, 40, 9)])
+    samples = replace(stored_library.samples, ranges=ranges)
+    rows = np.concatenate([whole[first : first + n] for _, first, n in ranges])
+    with patch.object(stored_clips, "CHUNK", 7):
+        chunks = [chunk.rows for chunk in samples.chunks()]
+    assert [len(chunk) for chunk in chunks] == [7, 7, 7, 7, 4]
+    np.testing.assert_array_equal(np.concatenate(chunks), rows)
     indices = np.array(indices, int)
     np.testing.assert_array_equal(samples.select(indices).rows, rows[indices])
     appended = stored_clips.ExtendedSamples(samples, Samples(rows[:4] + 1, 10, samples.n_joints))
-    expected = np.concatenate([chunk.rows for chunk in appended.chunks()])
+    expected = np.concatenate([rows, rows[:4] + 1])
     further = np.concatenate([indices + 4, indices])
     assert len(appended) == 36
     np.testing.assert_array_equal(appended.select(further).rows, expected[further])
-
-
-def test_stored_samples_chunks_do_not_depend_on_row_ranges(stored_library, monkeypatch):
-    monkeypatch.setattr(stored_clips, "CHUNK", 7)
-    assert embedding.CHUNK > 7
-    rows = [chunk.rows for chunk in stored_library.samples.chunks()]
-    assert [len(chunk) for chunk in rows[:-1]] == [7] * (len(rows) - 1)
-    whole = np.concatenate(rows)
-    split = replace(stored_library.samples, ranges=np.array([(0, 5, 20), (0, 0, 3), (0, 40, 9)]))
-    joined = np.concatenate([chunk.rows for chunk in split.chunks()])
-    np.testing.assert_array_equal(joined, np.concatenate([whole[5:25], whole[:3], whole[40:49]]))
+    found = np.concatenate([chunk.rows for chunk in appended.chunks()])
+    np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/smaps"), reason="needs /proc/self/smaps")
@@ -288,17 +284,3 @@ def test_sealed_manifest_with_any_value_grafts_or_raises_library_error(
         # A configuration can be valid and have no donors, or need more memory than there is.
         with contextlib.suppress(LibraryError, InsufficientDataError, MemoryBudgetError):
             read(folder)
-
-
-@pytest.mark.parametrize("is_at_exit", [False, True])
-def test_row_file_close_fails_without_a_traceback_of_a_finalizer(small_library, is_at_exit):
-    code = (
-        "import os, sys\n"
-        "from mograft import Library\n"
-        "library = Library.open(sys.argv[1])\n"
-        "for each in library.samples.files:\n"
-        "    os.close(each._handle)\n" + ("" if is_at_exit else "del each, library\n")
-    )
-    words = [sys.executable, "-c", code, str(small_library)]
-    child = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert (child.returncode, child.stderr) == (0, "")
