@@ -79,18 +79,18 @@ class _SegmentIndex:
 
         The fastest joints have wide tolerances; segments that begin slowly find copies as well.
         """
-        columns = _compared_columns(library)
-        ends, limits = [], []
-        for end in ("first", "last"):
-            states = library.boundary_states
-            parts = [states[group][end][segments][:, own] for group, own, _ in columns]
-            speeds = [
-                states[group][f"{end}_velocity"][segments][:, own] for group, own, _ in columns
-            ]
-            ends.append(np.concatenate(parts, axis=1))
-            turns = np.linalg.norm(np.concatenate(speeds, axis=1), axis=2) / (2.0 * library.rate)
-            limits.append(np.minimum(COPY_ANGLE + turns, _MAX_TURN))
-        joints = np.concatenate([own for _, _, own in columns])
+        members = feature_joints_by_group(library.groups, library.skeleton)
+        joints = np.setdiff1d(np.concatenate(list(members.values())), [library.root])
+
+        def states(key: str, size: int) -> FloatArray:
+            found = np.zeros((len(segments), library.skeleton.n_joints, size))
+            for group, own in members.items():
+                found[:, own] = library.boundary_states[group][key][segments]
+            return found[:, joints]
+
+        ends = [states("first", 4), states("last", 4)]
+        speeds = [np.linalg.norm(states(f"{end}_velocity", 3), axis=2) for end in ("first", "last")]
+        limits = [np.minimum(COPY_ANGLE + own / (2.0 * library.rate), _MAX_TURN) for own in speeds]
         angles = rotations.angle(*ends) if len(segments) else np.zeros((0, len(joints)))
         moves = (angles > _MIN_TURN).any(axis=1)
         reaches = np.sqrt(2.0 * (limits[0] ** 2).sum(axis=1))
@@ -155,17 +155,6 @@ class _SegmentIndex:
             is_same = (cosines >= np.cos(limits / 2.0)).all(axis=1)
             frames, rows = frames[is_same], rows[is_same]
         return rows
-
-
-def _compared_columns(library: Library) -> list[tuple[str, IntArray, IntArray]]:
-    """Return for each group the compared columns of its boundary states, and their joints."""
-    known = {library.root}
-    found = []
-    for group, joints in feature_joints_by_group(library.groups, library.skeleton).items():
-        columns = [i for i, joint in enumerate(joints.tolist()) if joint not in known]
-        known.update(joints.tolist())
-        found.append((group, np.array(columns, np.int64), joints[columns]))
-    return found
 
 
 def _features(quats: FloatArray) -> FloatArray:

@@ -132,9 +132,7 @@ def find(
         own = own[overlaps(whole.segments[own], frames)]
     is_wanted = np.ones(len(library.segments), bool)
     if words is not None:
-        clips = np.zeros(len(library.entries), bool)
-        clips[[index for index, _ in words]] = True
-        is_wanted = clips[library.segments.clip]
+        is_wanted = np.isin(library.segments.clip, [index for index, _ in words])
     if clip < len(library.entries):
         cut = library.segments
         low, high = int(cut.start[own[0]]), int(cut.stop[own[-1]])
