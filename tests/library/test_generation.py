@@ -31,6 +31,8 @@ def test_index_existing_folder_is_kept_without_force(clip_folder, stored_library
         stored_library.add(clip_folder, rate=30.0)
     with pytest.raises(TypeError, match="`sources` must be files"):
         Library.index(DANCE, tmp_path / "no")
+    with pytest.raises(ValueError, match="appended base motion cannot be saved"):
+        stored_library.with_clip(DANCE[700:900]).save(tmp_path / "no")
 
 
 @pytest.mark.parametrize("change", ["folder of a year", "manifest", "link"])

@@ -35,15 +35,6 @@ def test_index_equals_build(clip_folder, stored_library):
         assert mg.candidates(stored_library, segment, "upper") == expected
 
 
-def test_graft_on_stored_library_accepts_new_base(clip_folder, stored_library):
-    built = Library.build([info.source_file.path for info in stored_library.entries])
-    base = DANCE[700:900]
-    ours, theirs = graft(stored_library, base, seed=3), graft(built, base, seed=3)
-    np.testing.assert_array_equal(ours.motion.rotations, theirs.motion.rotations)
-    with pytest.raises(ValueError, match="appended base motion cannot be saved"):
-        stored_library.resolve_base(base)[0].save(clip_folder.parent / "longer")
-
-
 @settings(max_examples=8, suppress_health_check=list(HealthCheck))
 @given(st.lists(st.sampled_from(CLIP_NAMES), min_size=1, max_size=4, unique=True))
 def test_add_equals_index_of_all_files(clip_folder, stored_library, tmp_path, first):
