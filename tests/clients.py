@@ -88,37 +88,6 @@ found = {"places": places, "seconds": seconds, "processor_seconds": processor_se
 print("RESULT" + json.dumps(found))
 """
 
-_PLAY = """
-import bpy, json, sys
-path, requests = json.loads(sys.argv[1])
-bpy.ops.wm.read_factory_settings(use_empty=True)
-bpy.ops.import_scene.gltf(filepath=path)
-scene = bpy.context.scene
-rate = scene.render.fps / scene.render.fps_base
-figure = next(o for o in bpy.data.objects if o.type == "ARMATURE")
-for track in list(figure.animation_data.nla_tracks):
-    figure.animation_data.nla_tracks.remove(track)
-found = {}
-for name, times in requests.items():
-    for bone in figure.pose.bones:
-        bone.matrix_basis.identity()
-    # Older versions of Blender append the name of the object, and have no slots.
-    actions = bpy.data.actions
-    action = actions[name] if name in actions else actions[f"{name}_{figure.name}"]
-    figure.animation_data.action = action
-    if hasattr(action, "slots"):
-        figure.animation_data.action_slot = action.slots[0]
-    found[name] = []
-    for time in times:
-        # Frames in single precision: a step at a key must not come one frame late.
-        at = time * rate + 1e-4
-        scene.frame_set(int(at), subframe=at - int(at))
-        bpy.context.view_layer.update()
-        heads = {b.name: list(figure.matrix_world @ b.head) for b in figure.pose.bones}
-        found[name].append(heads)
-print("RESULT" + json.dumps(found))
-"""
-
 
 def gltf_validator():
     """Return a function from a GLB file to the messages of the Khronos validator."""
@@ -174,12 +143,6 @@ def run_with_blender(script, *arguments):
     words = [_blender_python(), script, "--", *arguments]
     completed = subprocess.run(words, capture_output=True, text=True, check=False)
     assert not completed.returncode, completed.stderr
-
-
-def blender_player():
-    """Return a function from a glTF file and times in seconds, by action, to the bone heads."""
-    python = _blender_python()
-    return lambda path, times_by_action: _run_blender(python, _PLAY, [str(path), times_by_action])
 
 
 def _blender_python():
