@@ -37,13 +37,10 @@ def test_round_to_grid_returns_nearest_multiple(seed, exponent):
     multiples = rounded / GRID
     np.testing.assert_array_equal(multiples, np.rint(multiples))
     np.testing.assert_array_equal(round_to_grid(rounded), rounded)
-
-
-def test_round_to_grid_returns_positive_zeros():
     assert not np.signbit(round_to_grid(np.array([-0.0, -GRID / 2, -1e-300]))).any()
 
 
-@given(SEEDS, st.integers(1, 5), st.integers(1, 20), st.integers(1, 5))
+@given(SEEDS, st.integers(0, 5), st.integers(0, 20), st.integers(0, 5))
 def test_product_of_rounded_matrices_is_exact(seed, m, k, n):
     a, b = random_rows(seed, m, k), directions(seed + 1, k, n)
     found, on_grid = product(a, b), (round_to_grid(a), round_to_grid(b))
@@ -63,13 +60,8 @@ def test_product_at_largest_norm_is_exact(n):
     assert product(row, column).item() == expected == 8192
 
 
-def test_product_without_terms_is_zero():
-    assert not product(np.zeros((2, 3)), np.ones((3, 4))).any()
-    assert product(np.ones((2, 0)), np.ones((0, 4))).tolist() == [[0.0] * 4] * 2
-
-
 @given(SEEDS, st.integers(1, 60), st.integers(1, 60), st.integers(0, 70))
-def test_eigenvectors_satisfy_definition_up_to_grid(seed, n, rank, n_vectors):
+def test_eigenvectors_satisfy_definition_on_grid(seed, n, rank, n_vectors):
     rows = np.random.default_rng(seed).normal(size=(rank, n))
     matrix = rows.T @ rows
     values, vectors = eigenvectors(matrix, n_vectors)
@@ -83,16 +75,10 @@ def test_eigenvectors_satisfy_definition_up_to_grid(seed, n, rank, n_vectors):
     np.testing.assert_allclose(vectors.T @ vectors, np.eye(n_vectors), atol=2.1 * moved)
     residual = np.linalg.norm(matrix @ vectors - vectors * values[:n_vectors], axis=0)
     assert (residual <= 2.1 * moved * trace).all()
-
-
-@given(SEEDS, st.integers(1, 30))
-def test_eigenvectors_lie_on_grid_with_positive_largest_entry(seed, n):
-    rows = np.random.default_rng(seed).normal(size=(2 * n, n))
-    _, vectors = eigenvectors(rows.T @ rows, n)
     np.testing.assert_array_equal(round_to_grid(vectors), vectors)
     assert not np.signbit(vectors[vectors == 0.0]).any()
     largest = np.abs(vectors).argmax(axis=0)
-    assert (vectors[largest, np.arange(n)] > 0).all()
+    assert (vectors[largest, np.arange(n_vectors)] > 0).all()
 
 
 @given(SEEDS, st.integers(2, 15))
@@ -158,14 +144,3 @@ def test_percentile_without_rows_equals_that_of_remaining_rows(
                 assert result is None
                 continue
             np.testing.assert_array_equal(result, np.percentile(rest, percentile, axis=0))
-
-
-def test_percentile_reads_all_rows_once_however_many_ranges_are_left_out(monkeypatch):
-    values = np.random.default_rng(1).random((20_000, 1))
-    found = HighPercentile(values, 99.9)
-    kept = found.without(0, 0, np.array([0]))
-    monkeypatch.setattr(np, "percentile", None)
-    monkeypatch.setattr(np, "argpartition", None)
-    for first in range(0, 19_000, 500):
-        assert found.without(first, first + 1000, np.array([0])) <= values.max()
-    np.testing.assert_array_equal(found.without(5, 5, np.array([0])), kept)

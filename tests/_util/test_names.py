@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft._util import names
 from mograft._util.names import find_matches
 from mograft.errors import suggest_frames
 
@@ -49,15 +48,3 @@ def test_find_matches_equals_its_definition(known, patterns):
     assert find_matches("clips", patterns, known) == expected
     if len(patterns) == 1:
         assert find_matches("clips", patterns[0], known) == expected
-
-
-def test_find_matches_of_whole_names_compares_no_pair(monkeypatch):
-    pairs = []
-    monkeypatch.setattr(
-        names, "fnmatchcase", lambda *pair: pairs.append(pair) or fnmatchcase(*pair)
-    )
-    known = [f"clip{number}" for number in range(3000)]
-    assert find_matches("clips", known[::-1], known) == list(range(3000))
-    assert not pairs
-    assert find_matches("clips", "clip2?", known) == list(range(20, 30))
-    assert len(pairs) == 3000 + 2990

@@ -44,13 +44,10 @@ def is_portable(name):
 @example("ä" * 200)
 @example("a" * 219 + ". b")
 def test_portable_stem_any_text_gives_name_that_windows_accepts(name):
-    assert is_portable(portable_stem(name))
-    assert is_portable(portable_stem(name) + "_graft0.bvh")
-
-
-@given(names)
-def test_portable_stem_twice_changes_nothing_more(name):
-    assert portable_stem(portable_stem(name)) == portable_stem(name)
+    stem = portable_stem(name)
+    assert is_portable(stem)
+    assert is_portable(stem + "_graft0.bvh")
+    assert portable_stem(stem) == stem
 
 
 @given(st.from_regex(r"[\w][\w \-.~()#]{0,40}\w", fullmatch=True))

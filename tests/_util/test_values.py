@@ -60,16 +60,6 @@ def test_value_copies_have_read_only_arrays(values, kind, copy_value):
         assert not array.flags.writeable, path
 
 
-def test_value_repr_is_short(library):
-    candidates = mg.candidates(library, 17, "upper")
-    listed = f"{len(candidates.allowed)} allowed, {len(candidates.refused)} refused"
-    outside = f"{candidates.elsewhere} outside the neighbourhood"
-    assert repr(candidates) == f"Candidates({listed}, {outside})"
-    assert repr(library.embedding["lower"]).startswith(f"Embedding({len(library.segments)} points")
-    for value in (library, library.clips[0], library.skeleton, library.segments, library.groups):
-        assert len(repr(value)) < 400
-
-
 NUMBERS = st.sampled_from([np.float64, np.float32, np.float16, np.int64, np.uint8])
 
 

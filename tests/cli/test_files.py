@@ -18,14 +18,6 @@ from mograft.formats import write_npz
 from tests.hierarchies import skeleton_from_text
 from tests.strategies import smooth_rotations
 
-
-def test_info_prints_joints_frames_and_groups(succeed, folder):
-    document = json.loads(succeed("info", "--json", folder / "a.bvh")[0])
-    assert document["schema"] == "mograft.info/1"
-    assert document["files"][0]["joints"] == 18
-    assert document["files"][0]["groups"]["lower"][0] == "Hips"
-
-
 FIGURES = [
     "Hips { Spine > Head | LeftUpLeg > LeftLeg > LeftFoot | RightUpLeg > RightLeg > RightFoot }",
     "Hips { Spine {Head | LeftArm > LeftHand | RightArm > RightHand} | LeftLeg | RightLeg }",
@@ -34,14 +26,17 @@ FIGURES = [
 ]
 
 
+def write_motion_of(skeleton, n_frames, path):
+    skeleton = skeleton.with_offsets(np.arange(3.0 * skeleton.n_joints).reshape(-1, 3))
+    quats = smooth_rotations(np.random.default_rng(0), n_frames, skeleton.n_joints)
+    positions = np.tile(skeleton.offsets, (n_frames, 1, 1))
+    write_bvh(Motion(skeleton, 1 / 30, quats, positions), path)
+
+
 @pytest.mark.parametrize("text", FIGURES)
 def test_info_lists_groups_exactly_if_graft_finds_them(run, text):
     skeleton, _ = skeleton_from_text(text)
-    skeleton = skeleton.with_offsets(np.arange(3.0 * skeleton.n_joints).reshape(-1, 3))
-    rng = np.random.default_rng(0)
-    quats = smooth_rotations(rng, 90, skeleton.n_joints)
-    positions = np.tile(skeleton.offsets, (90, 1, 1))
-    write_bvh(Motion(skeleton, 1 / 30, quats, positions), "x.bvh")
+    write_motion_of(skeleton, 90, "x.bvh")
     groups = json.loads(run("info", "x.bvh", "--json")[1])["files"][0]["groups"]
     code, _, err = run("graft", "x.bvh", "-o", "y.bvh")
     assert (code == 0) == bool(groups), err
@@ -125,22 +120,11 @@ def test_groups_presets_equal_those_of_joint_groups():
     assert set(PRESETS) == set(joint_groups.PRESETS)
 
 
-def test_groups_output_is_accepted_by_graft(run, succeed, folder, tmp_path):
-    out = succeed("groups", folder / "a.bvh", "--preset", "lower_torso_arms")[0]
-    assert "LeftForeArm" in out
-    assert run("groups", folder, "--preset", "lower_torso_arms")[1] == out
-    path = tmp_path / "groups.toml"
-    _, out, _ = run("groups", folder / "a.bvh", "-o", path)
-    assert out.strip() == str(path)
-    assert run("groups", folder / "a.bvh", "-o", path)[0] == 1
-    out_file = tmp_path / "x.bvh"
-    assert run("graft", folder / "a.bvh", "--groups", path, "-o", out_file)[0] == 0
-
-
 def test_groups_file_is_accepted_by_all_commands(run, succeed, folder, tmp_path):
     groups = tmp_path / "groups.toml"
     groups.write_text('base = "all"\n[groups]\nall = ["*"]\n')
-    assert run("groups", folder / "a.bvh", "-o", groups, "--force")[0] == 0
+    words = ("groups", folder / "a.bvh", "-o", groups)
+    assert [run(*words, *force)[0] for force in ([], ["--force"])] == [1, 0]
     groups.write_text(groups.read_text().replace("upper", "above"))
     clip = folder / "a.bvh"
     for words in (
@@ -148,6 +132,7 @@ def test_groups_file_is_accepted_by_all_commands(run, succeed, folder, tmp_path)
         ("plot", "strip", clip, "-o", tmp_path / "strip.png"),
         ("view", clip, "-o", tmp_path / "a.html"),
         ("export", clip, "-o", tmp_path / "a.glb"),
+        ("graft", clip, "-o", tmp_path / "a.bvh"),
         ("candidates", clip, "--segment", 3, "--group", "above"),
     ):
         succeed(*words, "--groups", groups)
@@ -200,13 +185,7 @@ def test_index_unmatched_rates_and_tags_print_warning(succeed, folder, tmp_path)
 
 def test_plot_strip_unknown_body_needs_no_groups(run, tmp_path):
     path = tmp_path / "chain.bvh"
-    rows = "\n".join(f"0 0 0 {angle} 0 0 0 0 {angle}" for angle in range(9))
-    joint = "OFFSET 0 9 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nEnd Site\n{\nOFFSET 0 9 0\n}"
-    root = "OFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
-    path.write_text(
-        f"HIERARCHY\nROOT a\n{{\n{root}\nJOINT b\n{{\n{joint}\n}}\n}}\n"
-        f"MOTION\nFrames: 9\nFrame Time: 0.04\n{rows}\n"
-    )
+    write_motion_of(skeleton_from_text("a > b")[0], 9, path)
     assert run("plot", "strip", path, "-o", tmp_path / "strip.png")[0] == 0
     code, _, err = run("plot", "strip", path, "-o", tmp_path / "no.png", "--groups", "lower_upper")
     assert code == 1
@@ -218,18 +197,21 @@ def test_plot_strip_unknown_body_needs_no_groups(run, tmp_path):
     [
         ["graft", "walk.bvh", "-o", "walk.bvh"],
         ["graft", "walk.bvh", "other.bvh", "-o", "./other.bvh"],
+        ["graft", "lib", "-o", "walk.bvh"],
         ["export", "walk.npz", "-o", "walk.npz"],
     ],
 )
-def test_force_never_overwrites_an_input(run, clip, working_folder, words):
+def test_force_never_overwrites_an_input(run, succeed, clip, working_folder, words):
+    """Nor the recordings of a library."""
     for name in ("walk.bvh", "other.bvh"):
         shutil.copy(clip, working_folder / name)
     write_npz(read_bvh(clip), working_folder / "walk.npz")
-    before = {path.name: path.read_bytes() for path in working_folder.iterdir()}
+    succeed("index", "walk.bvh", "-o", "lib")
+    before = {path.name: path.read_bytes() for path in working_folder.glob("*.*")}
     code, out, err = run(*words, "--force")
     assert (code, out) == (1, "")
     assert err.endswith("is an input; choose another output\n")
-    assert {path.name: path.read_bytes() for path in working_folder.iterdir()} == before
+    assert {path.name: path.read_bytes() for path in working_folder.glob("*.*")} == before
 
 
 @pytest.mark.parametrize("character", ["a", "é"])
@@ -293,30 +275,3 @@ def test_check_of_folder_names_files_without_motion(run, clip):
     assert code == 3
     assert [line.split(":")[1].strip() for line in err.splitlines()] == ["in/a.glb", "in/b.npz"]
     assert "3 clips: 1 usable, 0 usable except for the listed frames, 2 invalid" in out
-
-
-def test_recordings_of_a_library_are_not_overwritten(run, succeed, clip):
-    Path("a.bvh").write_bytes(clip.read_bytes())
-    succeed("index", "a.bvh", "-o", "lib")
-    for words in (("graft", "lib", "-o", "a.bvh"), ("graft", "a.bvh", "-o", "a.bvh")):
-        code, _, err = run(*words, "--force")
-        assert (code, err) == (1, "error: a.bvh is an input; choose another output\n")
-        assert Path("a.bvh").read_bytes() == clip.read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (
-            "graft a.bvh --speed 2 -o b.bvh",
-            "graft has no option --speed; mograft play FILE ... --vmc HOST[:PORT] has it",
-        ),
-        ("find walk", "walk is read as LIB, the last word; before it give the clip or file"),
-        ("view a.bvh -o v.png", "mograft plot strip draws .png"),
-        ("play a.bvh --vmc 39539", "must be HOST or HOST:PORT"),
-        ("augment lib -n 1000000000 -o s", "must be from 1 to 10000000, got 1000000000"),
-    ],
-)
-def test_refusal_names_the_way(usage_error, clip, words, message):
-    Path("a.bvh").write_bytes(clip.read_bytes())
-    assert message in usage_error(*words.split())

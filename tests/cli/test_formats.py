@@ -1,7 +1,6 @@
 """Commands on files of several clips, on formats other than BVH, and grafts in glTF files."""
 
 import json
-import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,24 +42,14 @@ def test_info_lists_clips(run, succeed, pack):
     assert "note: nodes that are not joints: bones" in out
 
 
-@pytest.mark.parametrize("name", ["#Rig|walk_b", "walk_b", "*_b"])
-def test_graft_base_is_found_by_any_unique_pattern_of_its_name(succeed, pack, tmp_path, name):
-    succeed("graft", pack, "--base", name, "-o", tmp_path / "found.glb")
-    succeed("graft", pack, "--base", "Rig|walk_b", "-o", tmp_path / "exact.glb")
-    clip = "#Rig|walk_b_graft0"
-    motions = [mg.read(f"{tmp_path / own}.glb{clip}")[0] for own in ("found", "exact")]
-    assert (motions[0].rotations == motions[1].rotations).all()
-
-
-def test_graft_base_by_address_equals_base_by_name(succeed, pack, tmp_path):
-    for name, base in (("a", f"{pack}#jump"), ("b", "Rig|jump")):
-        options = ("--base", base, "--seed", "3", "-o", tmp_path / name)
-        succeed("graft", pack, *options)
-        # The names of files have no characters that some systems refuse.
-    (first,) = (tmp_path / "a").glob("*.bvh")
-    (second,) = (tmp_path / "b").glob("*.bvh")
-    assert first.name == "jump_graft0.bvh"
-    assert first.read_bytes() == second.read_bytes()
+def test_graft_base_is_found_by_its_address_and_any_unique_pattern(succeed, pack, tmp_path):
+    bases = (f"{pack}#jump", "Rig|jump", "#Rig|jump", "jump", "*jump")
+    for number, base in enumerate(bases):
+        succeed("graft", pack, "--base", base, "--seed", 3, "-o", tmp_path / f"{number}.bvh")
+    assert len({path.read_bytes() for path in tmp_path.glob("*.bvh")}) == 1
+    # The names of files have no characters that some systems refuse.
+    succeed("graft", pack, "--base", bases[0], "-o", tmp_path / "out")
+    assert (tmp_path / "out" / "jump_graft0.bvh").exists()
 
 
 def test_graft_of_several_clips_as_base_names_them(run, pack, tmp_path):
@@ -146,14 +135,6 @@ def test_graft_glb_stored_library_and_report(run, succeed, figure, tmp_path):
     assert mg.read_bvh(bvh).n_frames == 300
 
 
-def test_graft_glb_in_folder_is_excluded_as_donor(run, figure, tmp_path):
-    out = tmp_path / "out.glb"
-    assert run("graft", figure, "-o", out, "-n", 2)[0] == 0
-    (tmp_path / "dance.glb").write_bytes(figure.read_bytes())
-    assert run("index", tmp_path, "-o", tmp_path / "lib")[0] == 0
-    assert mg.Library.open(tmp_path / "lib").names == ("a", "b")
-
-
 def test_scene_of_glb_shows_donors_of_grafts_only(run, figure, tmp_path):
     out = tmp_path / "out.glb"
     assert run("graft", figure, "-o", out)[0] == 0
@@ -163,11 +144,6 @@ def test_scene_of_glb_shows_donors_of_grafts_only(run, figure, tmp_path):
     assert (base.name, new.name) == ("a", "a_graft0")
     assert [row.group for row in new.rows] == ["upper"]
     assert any(part.is_exchanged for part in new.rows[0].parts)
-
-
-def test_graft_glb_with_digits_is_usage_error(usage_error, figure):
-    message = usage_error("graft", figure, "-o", "out.glb", "--digits", 8)
-    assert "--digits requires .bvh; got out.glb" in message
 
 
 def test_graft_into_adds_to_the_file_itself(run, succeed, figure, tmp_path):
@@ -192,16 +168,6 @@ def test_graft_into_adds_to_the_file_itself(run, succeed, figure, tmp_path):
     assert hero.read_bytes() == content
     succeed("graft", "--from", "hero.glb#new", "--into", "hero.glb", "--as", "a", "--force")
     assert "a" in mg.read("hero.glb").grafts
-
-
-def test_graft_report_of_glb_has_commands_that_run(succeed, figure, tmp_path):
-    (tmp_path / "hero.glb").write_bytes(figure.read_bytes())
-    succeed("graft", "hero.glb", "-n", 2, "-o", "new.glb", "--report")
-    page = (tmp_path / "new.html").read_text()
-    command = "mograft graft --from 'new.glb#a_graft1' -o new.glb --as a_graft1_new"
-    assert json.dumps(command) in page
-    succeed(*shlex.split(command)[1:], "--keep", "0-100")
-    assert mg.read("new.glb").names == ("a", "b", "a_graft0", "a_graft1", "a_graft1_new")
 
 
 def vertices(path):
@@ -326,10 +292,3 @@ def test_export_format_writes_each_motion_as_a_single_export_does(suffix, succee
     code, _, err = run("export", "in", "-o", "out", "--format", suffix)
     assert code == 1
     assert f"a.{suffix} and 2 other files exist; use --force to overwrite" in err
-
-
-def test_export_of_several_motions_names_the_option_for_a_folder(usage_error, clip):
-    assert "-o FOLDER --format bvh" in usage_error("export", clip, clip, "-o", "x.bvh")
-    assert "add --format, such as --format bvh" in usage_error("export", clip, "-o", "out")
-    err = usage_error("export", clip, "-o", "x.bvh", "--format", "bvh")
-    assert "--format needs a folder, got -o x.bvh" in err

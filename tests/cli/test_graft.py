@@ -18,15 +18,6 @@ from mograft.evaluation import world_measures
 from tests.hierarchies import DATA
 
 
-def test_graft_count_three_writes_different_motions(succeed, folder, tmp_path):
-    out, err = succeed("graft", folder, "-o", tmp_path / "out", "-n", 3)
-    paths = [tmp_path / "out" / f"a_graft{i}.bvh" for i in range(3)]
-    assert out.split() == list(map(str, paths))
-    assert "segments exchanged" in err
-    assert len({read_bvh(path).channel_values.tobytes() for path in paths}) == 3
-    assert json.loads(paths[0].with_suffix(".json").read_text())["mograft"] == __version__
-
-
 @pytest.mark.parametrize("field", ["max_stretch", "max_angle"])
 def test_graft_help_states_defaults_of_the_configuration(capsys, field):
     """The help texts repeat the values, so that they are shown without importing NumPy."""
@@ -116,9 +107,6 @@ def test_graft_base_given_as_path_file_name_or_clip_is_same(run, folder, tmp_pat
         assert run("graft", folder, "--base", name, "-o", target)[0] == 0
         motions.append(target.read_bytes())
     assert len(set(motions)) == 1
-    code, _, err = run("graft", folder, "--base", "c.bvh", "-o", tmp_path / "c.bvh")
-    assert code == 1
-    assert "--base must be a clip, one of a, b; got 'c.bvh'" in err
 
 
 def test_graft_measure_writes_quality_to_document_and_page(succeed, folder, tmp_path):
@@ -214,6 +202,7 @@ def test_graft_from_provenance_writes_same_bytes_and_keeps_the_command(run, fold
     documents = [json.loads(own.with_suffix(".json").read_text()) for own in (path, again)]
     command = shlex.join(["mograft", "graft", str(folder), "-o", str(path), *options])
     assert documents[0]["request"]["command"] == command
+    assert documents[0]["mograft"] == __version__
     documents[0].pop("quality")
     assert documents[0] == documents[1]
 
@@ -226,10 +215,6 @@ def test_graft_digits_option_is_recorded_and_may_be_replaced(run, folder, tmp_pa
         assert run("graft", "--from", provenance, "-o", "again.bvh", "--force", *words)[0] == 0
         written.append(Path("again.bvh").read_bytes())
     assert written[0] == path.read_bytes() != written[1]
-    provenance.write_text(json.dumps({**json.loads(provenance.read_text()), "digits": 99}))
-    code, _, err = run("graft", "--from", provenance, "-o", "third.bvh")
-    assert code == 3
-    assert "damaged: `digits` must be an integer from 1 to 12, got 99" in err
 
 
 def test_graft_from_with_a_variety_prints_a_command_that_makes_new_motions(
@@ -322,29 +307,6 @@ def test_graft_from_in_another_folder_finds_the_folder_of_the_command(
     monkeypatch.chdir(tmp_path)
     succeed("graft", "--from", "work/out/a_graft0.json", "--ban", "9", "-o", "there.bvh")
     assert Path("there.bvh").read_bytes() == Path("work/out/here.bvh").read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("options", "code", "message"),
-    [
-        (["--take", "3=bb:0-9"], 1, "did you mean 'b'?"),
-        (["--ban", "999"], 1, "segment of --ban must be 0 to"),
-        (["--take", "uper:3=b:0-9"], 1, "did you mean 'upper'?"),
-        (["--take", "3=TAKE", "--ban", "3=TAKE"], 4, "Use is violated"),
-    ],
-)
-def test_graft_from_with_bad_edit_writes_nothing(
-    run, first, folder, tmp_path, options, code, message
-):
-    segments = Library.build(folder).segments
-    donor = segments.of_clip(1)[4]
-    span = f"b:{segments.start[donor]}-{segments.stop[donor]}"
-    options = [word.replace("TAKE", span) for word in options]
-    words = ["graft", "--from", first.with_suffix(".json"), "-o", tmp_path / "out" / "x.bvh"]
-    found, out, err = run(*words, *options)
-    assert (found, out) == (code, "")
-    assert message in err
-    assert not (tmp_path / "out").exists()
 
 
 def test_graft_nothing_exchanged_is_a_warning_and_exit_code_0(run, succeed, folder):

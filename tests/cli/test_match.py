@@ -213,24 +213,3 @@ def test_automatic_groups_of_folder_use_all_files(run, folder, tmp_path):
     path = tmp_path / "groups.toml"
     assert run("groups", folder, "--preset", "auto", "-o", path)[0] == 0
     assert JointGroups.from_toml(path) == mg.discover_groups(folder).groups
-
-
-@pytest.mark.parametrize("number", ["x", "1", ""])
-def test_automatic_groups_invalid_number_is_usage_error(usage_error, folder, tmp_path, number):
-    name = f"auto:{number}"
-    message = usage_error("graft", folder / "a.bvh", "--groups", name, "-o", tmp_path / "x.bvh")
-    assert (
-        f"--groups: must be auto or auto:N with a whole number N of at least 2, got '{name}'"
-        in (message)
-    )
-    message = usage_error("groups", folder / "a.bvh", "--preset", name)
-    assert "--preset: must be auto or auto:N" in message
-
-
-def test_automatic_groups_too_many_fails_with_one_line(run, folder, tmp_path):
-    code, _, err = run("graft", folder / "a.bvh", "--groups", "auto:9", "-o", tmp_path / "x.bvh")
-    assert code == 1
-    assert err.splitlines() == [
-        "error: `n` must be a number of groups from 2 to 4 for these clips, got 9: groups consist "
-        "of whole chains of joints between branchings of the hierarchy"
-    ]

@@ -90,39 +90,7 @@ def test_export_robot_writes_the_files_of_trackers(succeed, walks, tmp_path):
     np.testing.assert_array_equal(copy, given)
 
 
-def test_graft_csv_of_a_motion_without_hinges_is_refused(run, usage_error, folder, tmp_path):
-    err = usage_error("graft", folder, "-o", tmp_path / "a.csv")
-    assert "mograft export writes .csv from a .bvh file" in err
-    run("index", folder, "-o", tmp_path / "lib")
-    code, _, err = run("graft", tmp_path / "lib", "-o", tmp_path / "a.csv")
-    assert code == 1
-    assert "may end with .csv only for a robot" in err
-    assert not list(tmp_path.glob("a.*"))
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("--quaternion wxyz", "--quaternion requires --model"),
-        ("--fps 50", "--fps requires --model"),
-        ("--model {model} --skeleton {model}", "--skeleton cannot be combined with --model"),
-        ("--model {model} --fps x", "--fps: must be FPS or GLOB=FPS"),
-        ("--model {model} --quaternion zyx", "argument --quaternion"),
-    ],
-)
-def test_robot_options_that_contradict_are_usage_errors(usage_error, walks, words, message):
-    path, files = walks
-    assert message in usage_error("info", files[0], *words.format(model=path).split())
-
-
 def test_robot_table_without_model_is_an_invalid_file(run, walks):
     code, _, err = run("info", walks[1][0])
     assert code == 3
     assert "expected the model of the robot, got none: give --model" in err
-
-
-def test_robot_model_with_a_wrong_name_names_the_nearest_file(run, walks):
-    path, files = walks
-    code, _, err = run("info", files[0], "--model", path.with_name("humanoids.xml"))
-    assert code == 1
-    assert f"No such file or directory; did you mean '{path}'?" in err

@@ -27,6 +27,28 @@ def outcome(function, *arguments):
         return error
 
 
+def change_bytes(data, rng, words):
+    """Return bytes with a random change: a part or a word is removed, replaced, added or copied."""
+    start, other = rng.randint(0, len(data)), rng.randint(0, len(data))
+    size = rng.choice([1, 1, 4, 8, 40, 400])
+    word = rng.choice([rng.choice(words), rng.randbytes(rng.choice([1, 4]))])
+    found = rng.choice([b"", word, word, data[other : other + size]])
+    removed = rng.choice([0, size, len(found), len(found)])
+    return data[:start] + found + (data[start + removed :] if rng.random() < 0.95 else b"")
+
+
+def change_words(data, rng, words):
+    """Return text with a random change: another word or number, or lines that replace others."""
+    separator = rng.choice([b" ", b" ", b",", b"\n"])
+    parts = data.split(separator)
+    one, other = rng.randrange(len(parts)), rng.randrange(len(parts))
+    if separator == b"\n":
+        parts[one : one + rng.randint(0, 3)] = parts[other : other + rng.randint(0, 30)]
+    else:
+        parts[one] = rng.choice(words)
+    return separator.join(parts)
+
+
 @contextmanager
 def limits(seconds):
     """Fail if a block takes more processor time, or raises the memory used over 1 GiB."""

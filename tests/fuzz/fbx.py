@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from tests.fuzz import limits, read_motions
+from tests.fuzz import change_bytes, change_words, limits, read_motions
 from tests.io import fbx_scenes as fbx
 
 # Seeds of files that failed in earlier versions.
@@ -49,45 +49,11 @@ def mutate(seed):
     """Return a damaged file."""
     rng = random.Random(seed)
     data = rng.choice(sources())
-    is_text = data.startswith(b";")
+    ways = [change_bytes, change_words] if data.startswith(b";") else [change_bytes]
+    words = TOKENS if data.startswith(b";") else NUMBERS
     for _ in range(rng.randint(1, 6)):
-        data = _change_text(rng, data) if is_text and rng.random() < 0.7 else _change(rng, data)
+        data = rng.choice(ways)(data, rng, words)
     return data
-
-
-def _change(rng, data):
-    """Change bytes anywhere."""
-    start = rng.randint(0, len(data))
-    length = rng.choice([1, 1, 4, 8, 60, 900])
-    kind = rng.randrange(7)
-    if kind == 0:
-        return data[:start] + rng.randbytes(length) + data[start + length :]
-    if kind in (1, 2):
-        number = rng.choice(NUMBERS)[: rng.choice([1, 4, 8])]
-        return data[:start] + number + data[start + len(number) :]
-    if kind == 3:
-        return data[:start] + data[start + length :]
-    if kind in (4, 5):
-        other, stop = rng.randint(0, len(data)), start if kind == 4 else start + length
-        return data[:start] + data[other : other + length] + data[stop:]
-    return data[:start] if rng.random() < 0.3 else data[:start] + data[start : start + 1] * 2
-
-
-def _change_text(rng, data):
-    """Change words or lines."""
-    kind = rng.randrange(3)
-    if kind == 0:
-        words = data.split(b" ")
-        words[rng.randrange(len(words))] = rng.choice(TOKENS)
-        return b" ".join(words)
-    if kind == 1:
-        numbers = data.split(b",")
-        numbers[rng.randrange(len(numbers))] = rng.choice(TOKENS)
-        return b",".join(numbers)
-    lines = data.split(b"\n")
-    one, other = rng.randrange(len(lines)), rng.randrange(len(lines))
-    lines[one : one + rng.randint(0, 3)] = lines[other : other + rng.randint(0, 30)]
-    return b"\n".join(lines)
 
 
 def check(seed, folder):

@@ -13,7 +13,7 @@ import numpy as np
 
 from mograft import FormatError, Motion, formats
 from mograft.io.formats import read
-from tests.fuzz import limits, outcome
+from tests.fuzz import change_bytes, limits, outcome
 from tests.io.robot_files import random_robot, to_urdf, write_walks
 
 SEEDS = ()
@@ -43,20 +43,10 @@ def valid_files():
 def mutate(seed):
     """Return the name and the bytes of a damaged file."""
     rng = random.Random(seed)
-    name, valid = rng.choice(list(valid_files()[1].items()))
-    data = bytearray(valid)
+    name, data = rng.choice(list(valid_files()[1].items()))
     for _ in range(rng.choice([0, 1, 1, 2, 5])):
-        start, change = rng.randrange(len(data) + 1), rng.randrange(4)
-        if change == 0:
-            del data[start : start + rng.choice([1, 3, 20, 200])]
-        elif change == 1:
-            data[start:start] = rng.choice(_WORDS)
-        elif change == 2:
-            data[start : start + 1] = bytes([rng.randrange(256)])
-        else:
-            other = rng.randrange(len(data) + 1)
-            data[start:start] = data[other : other + rng.choice([10, 100, 400])]
-    return name, bytes(data)
+        data = change_bytes(data, rng, _WORDS)
+    return name, data
 
 
 def check(seed, folder):

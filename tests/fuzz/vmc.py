@@ -12,7 +12,7 @@ import numpy as np
 from mograft.dancer import dance
 from mograft.stream.live import Receiver
 from mograft.stream.vmc import Figure
-from tests.fuzz import limits
+from tests.fuzz import change_bytes, limits
 
 SEEDS = ()
 _WORDS = (b"\0" * 4, b"\xff" * 4, b"\x7f\xc0\0\0", b"#bundle\0", b"/VMC/Ext/T\0\0", b",", b"Hips\0")
@@ -27,7 +27,7 @@ def valid_packets():
 def mutate(seed):
     """Return a packet."""
     rng = random.Random(seed)
-    data = bytearray(rng.choice(valid_packets()))
+    data = rng.choice(valid_packets())
     kind = rng.randrange(8)
     if kind == 0:
         return rng.randbytes(rng.choice([0, 1, 4, 16, 1000, 65_507]))
@@ -35,19 +35,10 @@ def mutate(seed):
         data = data[:400]
         for _ in range(rng.randrange(60)):
             data = b"#bundle\0" + bytes(8) + struct.pack(">i", len(data)) + data
-        return bytes(data)
+        return data
     for _ in range(rng.randint(1, 8)):
-        at = rng.randrange(len(data) + 1)
-        word = rng.choice(_WORDS)
-        if kind < 5:
-            data[at : at + len(word)] = word
-        elif kind == 5:
-            del data[at : at + rng.choice([1, 3, 4, 40])]
-        elif kind == 6:
-            data[at:at] = word
-        elif at < len(data):
-            data[at] ^= 1 << rng.randrange(8)
-    return bytes(data)
+        data = change_bytes(data, rng, _WORDS)
+    return data
 
 
 def check(seed, _folder):

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 TICKS = 46_186_158_000
 """Ticks of FBX per second."""
 
-TIME_MODES = {120: 1, 100: 2, 60: 3, 50: 4, 48: 5, 30: 6, 24: 11}
-"""Values of the property TimeMode for frame rates."""
+RATE, TIME_MODE = 30, 6
+"""Frames per second of all scenes, and the value of the property TimeMode for them."""
 
 ORDERS = ("XYZ", "XZY", "YZX", "YXZ", "ZXY", "ZYX")
 """Rotation orders: the first axis is applied first."""
@@ -84,7 +84,6 @@ class Mesh:
 class Scene:
     nodes: tuple
     takes: tuple
-    rate: int = 30
     axes: tuple = ((1, 1), (2, 1), (0, 1))  # up, front, right: number of the axis and its sign
     unit: float = 1.0  # centimetres
     bind: dict = field(default_factory=dict)  # node to world matrix (4, 4)
@@ -117,12 +116,8 @@ def _settings(scene):
     for name, (axis, sign) in zip(("Up", "Front", "Coord"), scene.axes, strict=True):
         numbers += [_number(f"{name}Axis", axis, "int"), _number(f"{name}AxisSign", sign, "int")]
     numbers.append(_number("UnitScaleFactor", float(scene.unit), "double"))
-    numbers.append(_number("TimeMode", TIME_MODES[scene.rate], "enum"))
+    numbers.append(_number("TimeMode", TIME_MODE, "enum"))
     return ("GlobalSettings", [], [("Version", [1000], []), ("Properties70", [], numbers)])
-
-
-def _ticks(scene, take):
-    return (take.first + np.arange(take.n_frames)) * (TICKS // scene.rate)
 
 
 class _Builder:
@@ -160,8 +155,8 @@ def _add_curves(builder, ticks, values, curve_node):
         builder.add("AnimationCurve", ("", "AnimCurve"), "", children, curve_node, f"d|{axis}")
 
 
-def _add_take(builder, scene, take, models):
-    ticks = _ticks(scene, take)
+def _add_take(builder, take, models):
+    ticks = (take.first + np.arange(take.n_frames)) * (TICKS // RATE)
     ends = {"LocalStart": ticks[0], "LocalStop": ticks[-1]}
     span = [_number(name, int(tick), "KTime") for name, tick in ends.items()]
     label = (take.name, "AnimStack")
@@ -257,90 +252,18 @@ def _document(scene, version):
             flags = [("TypeFlags", ["Skeleton"], [])]
             builder.add("NodeAttribute", ("", "NodeAttribute"), "LimbNode", flags, models[-1])
     if scene.bind:
-        matrices = [[np.ravel(m.T)] for m in scene.bind.values()]
-        children = _bind_pose([models[n] for n in scene.bind], matrices)
+        poses = [
+            ("PoseNode", [], [("Node", [models[n]], []), ("Matrix", [np.ravel(m.T)], [])])
+            for n, m in scene.bind.items()
+        ]
+        children = [("Type", ["BindPose"], []), ("Version", [100], []), *poses]
         builder.add("Pose", ("pose", "Pose"), "BindPose", children)
     for mesh in scene.meshes:
         _add_mesh(builder, scene, mesh, models)
     for take in scene.takes:
-        _add_take(builder, scene, take, models)
+        _add_take(builder, take, models)
     objects, links = ("Objects", [], builder.objects), ("Connections", [], builder.connections)
     return [_header(version), _settings(scene), objects, links]
-
-
-# Version 6100: objects are connected by name, keys are in a section of takes, without layers.
-
-
-def _to_60(properties):
-    rows = [("Property", [r[1][0], r[1][1], "A", *r[1][4:]], []) for r in properties[2]]
-    return ("Properties60", [], rows)
-
-
-def _bind_pose(nodes, matrices):
-    """Return the children of a bind pose: references to nodes, and values of matrices."""
-    poses = [
-        ("PoseNode", [], [("Node", [node], []), ("Matrix", values, [])])
-        for node, values in zip(nodes, matrices, strict=True)
-    ]
-    return [("Type", ["BindPose"], []), ("Version", [100], []), *poses]
-
-
-def _channel_6100(axis, default, ticks, values):
-    """Return the channel of an axis; `values` are those of its keys, or None."""
-    if values is None:
-        return ("Channel", [axis], [("Default", [float(default)], [])])
-    rows = zip(ticks, values, strict=True)
-    keys = [word for tick, value in rows for word in (int(tick), value, Word("L"))]
-    numbers = {"Default": [values[0]], "KeyVer": [4005], "KeyCount": [len(ticks)], "Key": keys}
-    return ("Channel", [axis], [(name, found, []) for name, found in numbers.items()])
-
-
-def _take_6100(scene, take):
-    ticks = _ticks(scene, take)
-    (layer,) = take.layers
-    models = []
-    for number, node in enumerate(scene.nodes):
-        parts = []
-        for key in "TRS":
-            track = layer.tracks.get((number, key))
-            columns = [None] * 3 if track is None else np.asarray(track, np.float32).T
-            columns = [own if own is None else own.astype(float).tolist() for own in columns]
-            rows = zip("XYZ", getattr(node, key), columns, strict=True)
-            axes = [_channel_6100(axis, default, ticks, values) for axis, default, values in rows]
-            parts.append(("Channel", [key], [*axes, ("LayerType", [1], [])]))
-        children = [("Version", [1.1], []), ("Channel", ["Transform"], parts)]
-        models.append(("Model", [Label(node.name, "Model")], children))
-    span = [int(ticks[0]), int(ticks[-1])]
-    times = [("LocalTime", span, []), ("ReferenceTime", span, [])]
-    return ("Take", [take.name], [("FileName", ["take.tak"], []), *times, *models])
-
-
-def _document_6100(scene):
-    objects, links = [], []
-    labels = [Label(node.name, "Model") for node in scene.nodes]
-    for node, label in zip(scene.nodes, labels, strict=True):
-        kind = "Limb" if node.kind == "LimbNode" else node.kind
-        children = [("Version", [232], []), _to_60(_node_properties(node))]
-        objects.append(("Model", [label, kind], children))
-        parent = labels[node.parent] if node.parent >= 0 else Label("Scene", "Model")
-        links.append(("Connect", ["OO", label, parent], []))
-    if scene.bind:
-        matrices = [list(map(float, np.ravel(m.T))) for m in scene.bind.values()]
-        children = _bind_pose([labels[n] for n in scene.bind], matrices)
-        objects.append(("Pose", [Label("pose", "Pose"), "BindPose"], children))
-    name, values, children = _settings(scene)
-    objects.append((name, values, [children[0], _to_60(children[1])]))
-    takes = [_take_6100(scene, take) for take in scene.takes]
-    current = ("Current", [scene.takes[0].name if scene.takes else ""], [])
-    sections = {"Objects": objects, "Connections": links, "Takes": [current, *takes]}
-    return [_header(6100), *((name, [], own) for name, own in sections.items())]
-
-
-@dataclass(frozen=True)
-class Word:
-    """A letter without quotes in text; one byte in binary."""
-
-    text: str
 
 
 # Text.
@@ -349,8 +272,6 @@ class Word:
 def _text_value(value):
     if isinstance(value, Label):
         return f'"{value.group}::{value.name}"'
-    if isinstance(value, Word):
-        return value.text
     if isinstance(value, str):
         return f'"{value}"'
     return repr(value.item() if isinstance(value, np.generic) else value)
@@ -364,7 +285,7 @@ def _text_lines(element, indent, lines):
         lines += [f"{tabs}{name}: *{len(values[0])} {{", f"{tabs}\ta: {numbers}", f"{tabs}}}"]
         return
     head = f"{tabs}{name}: " + ", ".join(map(_text_value, values))
-    if not children and name not in {"Objects", "Connections", "Takes", "Properties70"}:
+    if not children and name not in {"Objects", "Connections", "Properties70"}:
         lines.append(head)
         return
     lines.append(head + " {")
@@ -375,9 +296,8 @@ def _text_lines(element, indent, lines):
 
 def to_text(scene, version=7400):
     """Return a text file."""
-    document = _document_6100(scene) if version < 7000 else _document(scene, version)
     lines = [f"; FBX {version // 1000}.{version // 100 % 10}.0 project file"]
-    for element in document:
+    for element in _document(scene, version):
         _text_lines(element, 0, lines)
     return ("\n".join(lines) + "\n").encode()
 
@@ -391,8 +311,6 @@ def _binary_value(value):
         return b"S" + struct.pack("<I", len(data)) + data
     if isinstance(value, str):
         return b"S" + struct.pack("<I", len(value.encode())) + value.encode()
-    if isinstance(value, Word):
-        return b"C" + value.text.encode()
     if isinstance(value, bytes):
         return b"R" + struct.pack("<I", len(value)) + value
     for kind, code in ((float, "Dd"), (np.int32, "Ii"), (int, "Lq")):
@@ -419,19 +337,18 @@ def _binary_element(element, start, version):
 
 def to_binary(scene, version=7400):
     """Return a binary file."""
-    document = _document_6100(scene) if version < 7000 else _document(scene, version)
     data = b"Kaydara FBX Binary  \0\x1a\0" + struct.pack("<I", version)
-    for element in document:
+    for element in _document(scene, version):
         data += _binary_element(element, len(data), version)
     return data + bytes(25 if version >= 7500 else 13)
 
 
-KINDS = (("text", 7400), ("text", 6100), ("binary", 6100), ("binary", 7400), ("binary", 7700))
 CONTAINERS = {
-    f"{kind} {version}": partial(to_text if kind == "text" else to_binary, version=version)
-    for kind, version in KINDS
+    "text": to_text,
+    "binary 7400": to_binary,
+    "binary 7700": partial(to_binary, version=7700),
 }
-"""Writers of the kinds of files; version 6100 has one layer."""
+"""Writers of the kinds of files; a recorded file has the older layout of version 6100."""
 
 
 # Evaluation: the equations of the FBX SDK, "Computing transformation matrices", one node and one

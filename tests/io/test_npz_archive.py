@@ -12,10 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft.body.anatomy import anatomy
-from mograft.body.mass import mass_model, up_axis
 from mograft.dancer import dance
-from mograft.io.kimodo import SKELETONS, SOMA_30, SOMA_77
+from mograft.io.kimodo import SKELETONS
 from mograft.io.npz import open_npz_archive
 from tests.fuzz import npz as fuzz_npz
 from tests.hierarchies import DATA
@@ -66,13 +64,6 @@ def test_npz_text_of_numbers_that_are_no_characters_raises(tmp_path_factory, cod
         damaged = write_members(path.with_name(f"{name}.npz"), {**members, name: header + text})
         with pytest.raises(mg.FormatError, match=f"array `{name}`.*no characters"):
             mg.read(damaged)[0]
-
-
-def test_npz_shape_of_booleans_raises_format_error(tmp_path):
-    header = header_of((2, 3)).replace(b"(2, 3)", b"(True,)")
-    path = write_members(tmp_path / "a.npz", {"poses": header + bytes(8)})
-    with pytest.raises(mg.FormatError, match="expected a shape of lengths"):
-        open_npz_archive(path)
 
 
 @few_examples(20)
@@ -157,6 +148,12 @@ def test_npz_header_of_python_2_is_read_without_warning(tmp_path):
     [
         (1, header_of((2, 3))[10:-1], 118, "EOF: .* header, expected 118 bytes got 117"),
         (2, header_of((2, 3))[10:-1], 118, "EOF: .* header, expected 118 bytes got 117"),
+        (
+            1,
+            header_of((2, 3))[10:].replace(b"(2, 3)", b"(True,)"),
+            119,
+            "expected a shape of lengths",
+        ),
         (1, b"{'descr': '<f8', 'fortran_order': False, 'shape': (3), }", 56, "shape .* valid: 3"),
         (1, b"{'descr': " + b"-" * 9000 + b"1}", 9012, "expected the header .*, got a deep"),
     ],
@@ -190,12 +187,8 @@ FILES = sorted((DATA.parent / "data" / "npz").glob("kimodo*.npz"))
 def test_read_kimodo_positions_equal_posed_joints(path):
     clips = mg.read(path)
     motion = clips[0]
-    height = mass_model(motion.skeleton).height
     with np.load(path) as data:
-        gaps = np.abs(motion.world_positions() - data["posed_joints"])
-    assert gaps.max() < 1e-4 * height
-    assert 1.5 < height < 2.0
-    assert up_axis(motion) == 1
+        np.testing.assert_allclose(motion.world_positions(), data["posed_joints"], atol=2e-4)
     assert motion.is_translated.tolist() == [True] + [False] * 29  # bones keep their lengths
     rate_note, arrays_note = clips.notes
     assert rate_note == "frames per second: 30, that of Kimodo's models; the file states none"
@@ -222,15 +215,6 @@ def test_read_kimodo_stretched_bone_keeps_positions(tmp_path):
     np.testing.assert_allclose(motion.world_positions(), arrays["posed_joints"], atol=2e-5)
     assert np.flatnonzero(motion.is_translated).tolist() == [0, 22]
     assert motion.skeleton.channels[22][:3] == ("Xposition", "Yposition", "Zposition")
-
-
-def test_kimodo_skeletons_name_the_published_joints():
-    assert sorted(SKELETONS) == [22, 30, 34, 77]
-    for kind in (SOMA_30, SOMA_77):
-        known = anatomy(mg.Skeleton(kind.joints, kind.parents, np.ones((len(kind.joints), 3))))
-        assert known.human
-        assert [kind.joints[j] for j in known.joints("shank", side="left")] == ["LeftShin"]
-    assert {*SOMA_30.joints} < {*SOMA_77.joints}
 
 
 def zeros(*shape):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -17,7 +17,7 @@ from mograft.cli import main
 from mograft.dancer import dance
 from mograft.formats import write_usd
 from mograft.io.export_figure import ExportTransform
-from mograft.io.usd import SUFFIXES, _joint_paths
+from mograft.io.usd import SUFFIXES
 from tests import strategies
 from tests.io.gltf_scenes import assert_equal_up_to_rotation
 from tests.strategies import assert_same_rotations, few_examples
@@ -27,15 +27,6 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, UsdValidation  # noqa: E402
 
 from tests.fuzz import usd as fuzz_usd  # noqa: E402 - needs usd-core
 from tests.fuzz.usd import define_animation, define_figure  # noqa: E402
-
-
-@given(st.lists(st.sampled_from(["A", "A_2", "A_3", "A_4", "A_2_2"]), min_size=1, max_size=6))
-@example(["A", "A_3", "A", "A"])
-def test_joint_paths_of_any_names_are_unique(names):
-    """Also if a name looks like another name with a number appended."""
-    parents = [-1, *[0] * (len(names) - 1)]
-    paths = _joint_paths(Skeleton(names, parents, np.zeros((len(names), 3))))
-    assert len(set(paths)) == len(names)
 
 
 def matrices(query, frame):
@@ -94,13 +85,6 @@ def test_write_usd_stores_units_axes_names_and_colours(motion, tmp_path):
     stored = {"metres_in_a_unit": 0.01, "unit": "cm", "up_in_the_motion": "y"}
     assert stage.GetRootLayer().customLayerData["mograft"] == stored
     assert list(query.GetSkeleton().GetJointNamesAttr().Get()) == list(motion.skeleton.names)
-    paths = [str(path) for path in query.GetJointOrder()]
-    for joint, parent in enumerate(motion.skeleton.parents.tolist()):
-        assert paths[joint].rpartition("/")[0] == ("" if parent < 0 else paths[parent])
-    world = matrices(query, 0)
-    names = list(motion.skeleton.names)
-    head, foot = (world[names.index(name), 1, 3] for name in ("Head", "LeftFoot"))
-    assert 1.2 < head - foot < 1.7
     colours = np.array(UsdGeom.Mesh(skin.GetPrim()).GetDisplayColorAttr().Get())
     assert len(np.unique(colours, axis=0)) == 4
 
@@ -141,31 +125,29 @@ def test_write_usd_any_name_is_kept_as_joint_name(motion, tmp_path, name):
         assert len(set(map(str, query.GetJointOrder()))) == motion.n_joints
 
 
-def test_write_usd_invalid_argument_raises_error(motion, tmp_path):
-    with pytest.raises(ValueError, match=r"`path` must end in \.usd, \.usda, \.usdc, got m\.usdz"):
-        write_usd(motion, tmp_path / "m.usdz")
-    with pytest.raises(ValueError, match="`scale` must be above 0"):
-        write_usd(motion, tmp_path / "m.usd", scale=0)
-    with pytest.raises(ValueError, match="`preset` must be one of"):
-        write_usd(motion, tmp_path / "m.usd", groups="wings")
-    assert list(tmp_path.iterdir()) == []
-    with pytest.raises(FileNotFoundError, match=r"no such folder: '.*none'"):
-        write_usd(motion, tmp_path / "none" / "m.usd")
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("m.usdz", {}, r"`path` must end in \.usd, \.usda, \.usdc, got m\.usdz"),
+        ("m.usd", {"scale": 0}, "`scale` must be above 0"),
+        ("m.usd", {"groups": "wings"}, "`preset` must be one of"),
+    ],
+)
+def test_write_usd_invalid_argument_raises_value_error(motion, tmp_path, name, options, message):
+    with pytest.raises(ValueError, match=message):
+        write_usd(motion, tmp_path / name, **options)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_usd_without_usd_core_names_the_extra(motion, tmp_path, capsys, monkeypatch):
-    mg.write_bvh(motion, tmp_path / "a.bvh")
-    command = ["export", str(tmp_path / "a.bvh"), "-o"]
-    assert main([*command, str(tmp_path / "x.usda"), "--scale", "0.02", "--rate", "15"]) == 0
-    assert "metres, y up" in capsys.readouterr().err
-    assert mg.read(tmp_path / "x.usda")[0].rate == pytest.approx(15, rel=0.02)
+    path = tmp_path / "x.usda"
+    write_usd(motion, path)
     monkeypatch.setitem(sys.modules, "pxr", None)
-    assert main([*command, str(tmp_path / "y.usd")]) == 1
+    assert main(["export", str(path), "-o", str(tmp_path / "y.usd")]) == 1
     assert "pip install 'mograft[usd]'" in capsys.readouterr().err
-    assert not (tmp_path / "y.usd").exists()
     with pytest.raises(ModuleNotFoundError, match=r"pip install 'mograft\[usd\]'"):
-        mg.read(tmp_path / "x.usda")
+        write_usd(motion, tmp_path / "y.usd")
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @few_examples(30)
@@ -317,6 +299,7 @@ KEY = (np.zeros((1, 3)), [[0, 0, 0, 1.0]], np.ones((1, 3)))
         (["a"], ["a"], {0.0: (np.zeros((2, 3)), *KEY[1:])}, "expected 1 finite translations"),
         (["a"], ["a"], {0.0: (KEY[0] + np.nan, *KEY[1:])}, "expected 1 finite translations"),
         (["a"], ["a"], {0.0: (KEY[0], [[0, 0, 0, 0]], KEY[2])}, "expected unit quaternions"),
+        (["a"], ["a"], {0.0: KEY, 1e5: KEY}, "/f/walk: a duration of .* too long for 2 keys"),
     ],
 )
 def test_read_usd_wrong_content_raises_format_error(tmp_path, joints, moved, keys, message):
@@ -362,22 +345,6 @@ def test_read_usd_damaged_text_gives_motions_or_format_error(tmp_path, seed):
         fuzz_usd.check(seed, tmp_path)
 
 
-@few_examples(30)
-@given(
-    share=st.floats(0.0, 1.0), damage=st.binary(min_size=1, max_size=9).map(lambda b: b + b"\x89")
-)
-def test_read_usd_text_that_is_not_utf_8_gives_motions_or_format_error(
-    tmp_path_factory, share, damage
-):
-    path = tmp_path_factory.mktemp("usd") / "a.usda"
-    write_usd(dance(strides=1).motion[:2], path)
-    data = path.read_bytes()
-    at = int(share * len(data))
-    path.write_bytes(data[:at] + damage + data[at:])
-    with contextlib.suppress(mg.FormatError):
-        list(mg.read(path))
-
-
 @pytest.mark.parametrize("section", range(6))
 @pytest.mark.parametrize("claim", [2**30, 2**40, 2**63, 2**64 - 1])
 def test_read_usd_binary_file_with_too_large_section_raises_format_error(tmp_path, section, claim):
@@ -400,16 +367,6 @@ def test_read_usd_binary_file_with_too_large_section_raises_format_error(tmp_pat
     path.write_bytes(data)
     with pytest.raises(mg.FormatError, match=r"table of contents|position"):
         mg.read(path)
-
-
-def test_read_usd_long_animation_of_few_keys_raises_format_error(tmp_path):
-    stage = Usd.Stage.CreateInMemory()
-    define_figure(stage, "f", ["a"], [np.eye(4)])
-    define_animation(stage, "/f/walk", ["a"], {0.0: KEY, 1e5: KEY})
-    path = save(stage, tmp_path / "a.usda")
-    with pytest.raises(mg.FormatError, match=r"/f/walk: a duration of .* too long for 2 keys"):
-        mg.read(path)[0]
-    assert mg.read(path, rate=1)[0].n_frames > 1000
 
 
 def test_read_usd_skeleton_without_rest_pose_raises_format_error(tmp_path):

@@ -2,7 +2,6 @@
 
 import os
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -78,24 +77,6 @@ def test_write_truncated_file_raises_oserror_and_keeps_the_old_file(tmp_path_fac
         write(target)
     assert [path.name for path in folder.iterdir()] == [name]
     assert target.read_bytes() == old
-
-
-def _write_raw(path, data):
-    with path.open("wb") as stream:
-        stream.write(data)
-
-
-@given(data=st.binary(min_size=1), written=st.binary())
-def test_write_bytes_other_size_on_the_disk_raises(tmp_path_factory, data, written):
-    target = tmp_path_factory.mktemp("size") / "a"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Path, "write_bytes", lambda path, _: _write_raw(path, written))
-        if len(written) == len(data):
-            atomic.write_bytes(target, data)
-        else:
-            with pytest.raises(OSError, match="written incompletely"):
-                atomic.write_bytes(target, data)
-    assert target.exists() == (len(written) == len(data))
 
 
 def test_write_usd_full_disk_raises_one_line(tmp_path):

@@ -1,7 +1,8 @@
 """The method of the paper in plain NumPy, written from its description and not from mograft.
 
 The chain up to the sets of donors: energy, boundaries, groups, features, principal components,
-complete linkage (that of SciPy), threshold, candidates and gaps. It shares no code with mograft.
+complete linkage (that of SciPy), threshold, candidates and gaps. It shares no code with mograft;
+rotations and curves are those of the other oracles.
 One reading was chosen after a comparison: mean rotations are those over the samples of all
 segments, not over all frames; with the other, a few pairs of segments change clusters.
 """
@@ -12,6 +13,8 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
+
+from tests.oracles.rotations import inverse, log, multiply, resample, resample_positions
 
 SAMPLES = 10
 COMPONENTS = 10
@@ -58,29 +61,6 @@ class Clip:
     rate: float
 
 
-def mul(a, b):
-    u, v, s, t = a[..., :3], b[..., :3], a[..., 3:], b[..., 3:]
-    return np.concatenate(
-        [s * v + t * u + np.cross(u, v), s * t - (u * v).sum(-1, keepdims=True)], axis=-1
-    )
-
-
-def inv(q):
-    return q * np.array([-1.0, -1.0, -1.0, 1.0])
-
-
-def exp(v):
-    half = np.linalg.norm(v, axis=-1, keepdims=True) / 2
-    return np.concatenate([v * np.sinc(half / np.pi) / 2, np.cos(half)], axis=-1)
-
-
-def log(q):
-    q = np.where(q[..., 3:] < 0, -q, q)
-    sine = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)
-    turn = np.where(sine < 1e-8, 2.0, 2 * np.arctan2(sine, q[..., 3:]) / np.maximum(sine, 1e-300))
-    return q[..., :3] * turn
-
-
 def part_of(name):
     short = name.split(":")[-1].casefold()
     return next(part for part, pattern in NAMES.items() if re.search(pattern, short))
@@ -125,8 +105,8 @@ def inertias(clip):
 def energy(clip):
     world = clip.rotations.copy()
     for j in range(1, len(clip.names)):
-        world[:, j] = mul(world[:, clip.parents[j]], world[:, j])
-    between = log(mul(world[1:], inv(world[:-1]))) * clip.rate
+        world[:, j] = multiply(world[:, clip.parents[j]], world[:, j])
+    between = log(multiply(world[1:], inverse(world[:-1]))) * clip.rate
     speed = np.concatenate([between[:1], (between[1:] + between[:-1]) / 2, between[-1:]])
     return (speed**2).sum(-1) @ inertias(clip) / 2
 
@@ -152,46 +132,6 @@ def groups(clip):
     return {"lower": lower, "upper": [j for j in range(len(clip.names)) if j not in lower]}
 
 
-def tangents(steps):
-    if len(steps) == 1:
-        return np.concatenate([steps, steps])
-    inner = (steps[1:] + steps[:-1]) / 2
-    return np.concatenate(
-        [(3 * steps[:1] - steps[1:2]) / 2, inner, (3 * steps[-1:] - steps[-2:-1]) / 2]
-    )
-
-
-def resample(values, *, rotation):
-    """Return equidistant samples of n + 1 frames.
-
-    Rotations by the cubic curve of Kim, Kim and Shin, positions by Hermite's.
-    """
-    n = len(values) - 1
-    speed = tangents(
-        log(mul(inv(values[:-1]), values[1:])) if rotation else np.diff(values, axis=0)
-    )
-    result = []
-    for j in range(SAMPLES):
-        i, rest = divmod(j * n, SAMPLES - 1)
-        if rest == 0:
-            result.append(values[i])
-            continue
-        t, a, b, u, v = (
-            rest / (SAMPLES - 1),
-            values[i],
-            values[i + 1],
-            speed[i] / 3,
-            speed[i + 1] / 3,
-        )
-        b1, b2, b3 = 1 - (1 - t) ** 3, 3 * t**2 - 2 * t**3, t**3
-        if rotation:
-            w = log(mul(mul(exp(-u), mul(inv(a), b)), exp(-v)))
-            result.append(mul(mul(mul(a, exp(u * b1)), exp(w * b2)), exp(v * b3)))
-        else:
-            result.append(a + u * b1 + (b - a - u - v) * b2 + v * b3)
-    return np.array(result)
-
-
 def features(clips, segments, joints):
     """Return for each segment rotation vectors, steps of the root, and the length.
 
@@ -200,12 +140,12 @@ def features(clips, segments, joints):
     joints = np.array(joints)
     compared = [j for j in joints if not NOT_COMPARED.search(clips[0].names[j].casefold())]
     pieces = [(clips[c], slice(first, last + 1)) for c, first, last in segments]
-    turns = np.array([resample(c.rotations[own][:, compared], rotation=True) for c, own in pieces])
+    turns = np.array([resample(c.rotations[own][:, compared], SAMPLES) for c, own in pieces])
     products = np.einsum("nmja,nmjb->jab", turns, turns)
-    vectors = log(mul(inv(np.linalg.eigh(products)[1][..., -1]), turns))
+    vectors = log(multiply(inverse(np.linalg.eigh(products)[1][..., -1]), turns))
     columns = [vectors.reshape(len(segments), -1)]
     if 0 in joints:
-        paths = [resample(c.positions[own], rotation=False) for c, own in pieces]
+        paths = [resample_positions(c.positions[own], SAMPLES) for c, own in pieces]
         columns.append(np.diff(paths, axis=1).reshape(len(segments), -1))
     lengths = [last - first for _, first, last in segments]
     return np.column_stack([*columns, lengths])
@@ -245,4 +185,4 @@ def gap(clips, before, after, joints):
     """Return the mean angle in degrees between the last pose of a segment and the next's first."""
     a = clips[before[0]].rotations[before[2], joints]
     b = clips[after[0]].rotations[after[1], joints]
-    return np.rad2deg(np.linalg.norm(log(mul(inv(a), b)), axis=-1).mean())
+    return np.rad2deg(np.linalg.norm(log(multiply(inverse(a), b)), axis=-1).mean())

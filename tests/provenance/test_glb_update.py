@@ -1,4 +1,4 @@
-"""Grafts that are added to a GLB file and replaced in it; grafts that are no donors."""
+"""Grafts that are animations of a GLB file: added, replaced, replayed, and no donors."""
 
 import json
 from dataclasses import replace
@@ -17,19 +17,26 @@ from mograft.io.gltf.document import read_gltf_file
 from mograft.io.gltf.writer import fit_motion
 from mograft.library.discover import SourceFile, exclude_grafts, find_clips
 from mograft.motion import rotations
-from tests.provenance.test_graft_animations import assert_equal_to_float32
+from mograft.scenario import walk
 
 KEPT = ("nodes", "meshes", "materials", "skins", "scenes", "asset")
 
 
 @pytest.fixture(scope="module")
 def hero(tmp_path_factory):
-    """The bytes of a GLB file with the clips a and b, and a folder for copies of it."""
+    """A GLB file with the clips a and b; beside it other.glb with the clip c of the same figure."""
     folder = tmp_path_factory.mktemp("hero")
-    motion = dance(seed=1, strides=1).motion
-    clips = [replace(motion[i * 200 : i * 200 + 200], name="ab"[i]) for i in range(2)]
-    formats.write_glb(clips, folder / "hero.glb")
+    motion = replace(dance(seed=1, strides=1).motion, channel_values=None)
+    clips = [replace(motion[i * 200 : i * 200 + 200], name="abc"[i]) for i in range(3)]
+    formats.write_glb(clips[:2], folder / "hero.glb")
+    formats.write_glb(clips[2], folder / "other.glb")
     return folder / "hero.glb"
+
+
+@pytest.fixture(scope="module")
+def library(hero):
+    """The clips of both files."""
+    return mg.Library.build([hero, hero.with_name("other.glb")])
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +55,19 @@ def copy(hero):
 
 def named(graft, name):
     return replace(graft, motion=replace(graft.motion, name=name))
+
+
+def assert_equal_to_float32(actual, desired):
+    assert actual.n_frames == desired.n_frames
+    (turns, places), (own_turns, own_places) = desired.world_transforms(), actual.world_transforms()
+    np.testing.assert_allclose(own_places, places, atol=1e-6 * np.abs(places).max())
+    np.testing.assert_allclose(rotations.angle(own_turns, turns), 0.0, atol=2e-6)
+
+
+def assert_replays(address, graft):
+    again = mg.replay(address)
+    np.testing.assert_array_equal(again.motion.rotations, graft.motion.rotations)
+    return again
 
 
 @settings(max_examples=12)
@@ -74,22 +94,76 @@ def test_write_graft_update_has_the_bytes_of_the_last_graft_of_each_name(hero, g
         assert_equal_to_float32(clips[name], grafts[index].motion)
 
 
+def test_write_graft_glb_holds_the_provenance_and_replays_to_the_same_bytes(grafts, tmp_path):
+    mg.write_graft(grafts[0], tmp_path / "new.glb")
+    again = assert_replays(tmp_path / "new.glb", grafts[0])
+    assert [path.name for path in tmp_path.iterdir()] == ["new.glb"]
+    mg.write_graft(again, tmp_path / "again.glb")
+    assert (tmp_path / "again.glb").read_bytes() == (tmp_path / "new.glb").read_bytes()
+    mg.write_graft(grafts, tmp_path / "new.glb", [{"take": i} for i in range(4)])
+    documents = [json.loads(text) for text in mg.read(tmp_path / "new.glb").grafts.values()]
+    assert [(own["schema"], own["take"]) for own in documents] == [
+        ("mograft.graft/2", i) for i in range(4)
+    ]
+    for name in ("new.glb", "new.glb#none"):
+        with pytest.raises(mg.ProvenanceError, match="expected a graft, as in"):
+            mg.replay(tmp_path / name)
+
+
+def tracks(path, name):
+    """Return the sampler of each track of an animation by node and property."""
+    container = read_container(path)
+    nodes = [node["name"] for node in container.items("nodes")]
+    (item,) = (own for own in container.items("animations") if own["name"] == name)
+    return {
+        (nodes[own["target"]["node"]], own["target"]["path"]): item["samplers"][own["sampler"]]
+        for own in item["channels"]
+    }
+
+
+@pytest.mark.parametrize("base", ["clip", "scenario", "mirror"])
+def test_write_graft_glb_has_new_tracks_where_no_clip_moves_as_it(library, hero, tmp_path, base):
+    """Of the exchanged joints if the base is a clip of the file, else of all joints."""
+    if base == "mirror":
+        graft = mg.graft(library.with_mirror_images(), "a_mirrored", seed=1)
+    else:
+        scenario = walk(library, 4.0, seed=2) if base == "scenario" else None
+        graft = mg.graft(library, scenario=scenario, seed=1)
+    mg.write_graft(graft, tmp_path / "new.glb")
+    assert_equal_to_float32(mg.read(tmp_path / "new.glb")[graft.motion.name], graft.motion)
+    before, after = tracks(hero, "a"), tracks(tmp_path / "new.glb", graft.motion.name)
+    new = {name for name, path in after if before.get((name, path)) != after[name, path]}
+    exchanged = {library.skeleton.names[joint] for joint in library.joints("upper")}
+    if base == "clip":
+        assert before.keys() == after.keys()
+        assert set() < new <= exchanged
+    else:
+        turned = {name for name, path in after if path == "rotation"}
+        assert new >= turned == set(library.skeleton.names)
+
+
+def test_write_graft_glb_copies_the_file_of_the_base(library, tmp_path):
+    graft = mg.graft(library, "c", seed=1)
+    mg.write_graft(graft, tmp_path / "new.glb")
+    assert mg.read(tmp_path / "new.glb").names == ("c", graft.motion.name)
+    with pytest.raises(ValueError, match="must be from one glTF file"):
+        mg.write_graft([mg.graft(library, "a"), graft], tmp_path / "both.glb")
+    assert [path.name for path in tmp_path.iterdir()] == ["new.glb"]
+
+
 def test_write_graft_update_keeps_the_identity_of_the_file(copy, grafts):
     before = SourceFile.from_path(str(copy)).sha256
     mg.write_graft(grafts[0], copy, update=True)
     assert SourceFile.from_path(str(copy)).sha256 == before
     name = grafts[0].motion.name
-    again = mg.replay(f"{copy}#{name}")
-    np.testing.assert_array_equal(again.motion.rotations, grafts[0].motion.rotations)
+    assert_replays(f"{copy}#{name}", grafts[0])
     library = mg.Library.build(exclude(copy))
     assert library.names == ("a", "b")
     edited = mg.edit(mg.replay(f"{copy}#{name}", library), mg.constraints.Ban(3))
     mg.write_graft(edited, copy, update=True)
     assert_equal_to_float32(mg.read(copy)[name], edited.motion)
     # Another program has changed the file: it is another file.
-    container = read_container(copy)
-    text = bytes(container.data).replace(b'"name":"b"', b'"name":"B"')
-    copy.write_bytes(text)
+    copy.write_bytes(copy.read_bytes().replace(b'"name":"b"', b'"name":"B"'))
     assert SourceFile.from_path(str(copy)).sha256 != before
     with pytest.raises(mg.ProvenanceError, match="has changed: SHA-256"):
         mg.replay(f"{copy}#{name}")
@@ -113,20 +187,16 @@ def test_write_graft_update_of_a_captured_animation_needs_force(copy, grafts):
     assert SourceFile.from_path(str(copy)).sha256 != before
 
 
-def test_write_graft_update_that_fails_leaves_the_old_file(copy, grafts, monkeypatch):
-    content = copy.read_bytes()
-
+@pytest.mark.parametrize("step", ["write_bytes", "replace"])
+def test_write_graft_update_that_fails_leaves_the_old_file(copy, grafts, monkeypatch, step):
     def fail(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_bytes", fail)
-    with pytest.raises(OSError, match="No space"):
-        mg.write_graft(grafts[0], copy, update=True)
-    monkeypatch.undo()
-    monkeypatch.setattr(Path, "replace", fail)
-    with pytest.raises(OSError, match="No space"):
-        mg.write_graft(grafts[0], copy, update=True)
-    monkeypatch.undo()
+    content = copy.read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, step, fail)
+        with pytest.raises(OSError, match="No space"):
+            mg.write_graft(grafts[0], copy, update=True)
     assert copy.read_bytes() == content
     assert not list(copy.parent.glob(".mograft*"))
 
@@ -155,33 +225,19 @@ def test_write_graft_paths_of_copied_grafts_are_relative_to_the_copy(copy, graft
         mg.replay(f"{target}#{name}")
 
 
-def test_write_graft_copy_replays_without_its_source(grafts, tmp_path):
-    target = tmp_path / "moved.glb"
-    mg.write_graft(grafts[1], target)
-    document = json.loads(next(iter(mg.read(target).grafts.values())))
-    for clip in document["clips"]:
-        clip["file"] = "missing.glb"
-    container = read_container(target)
-    text = json.dumps(json.dumps(document))[1:-1].encode()
-    old = json.dumps(next(iter(mg.read(target).grafts.values())))[1:-1].encode()
-    target.write_bytes(with_json(bytes(container.data), old, text))
-    np.testing.assert_array_equal(mg.replay(target).motion.rotations, grafts[1].motion.rotations)
-
-
-def with_json(data, old, new):
-    """Return a GLB file in whose JSON chunk a text is replaced."""
-    length = int.from_bytes(data[12:16], "little")
-    chunk = data[20 : 20 + length].replace(old, new)
-    chunk += b" " * (-len(chunk) % 4)
-    rest = data[20 + length :]
-    sizes = [n.to_bytes(4, "little") for n in (20 + len(chunk) + len(rest), len(chunk))]
-    return data[:8] + sizes[0] + sizes[1] + b"JSON" + chunk + rest
+def test_write_graft_copy_replays_without_its_source(hero, tmp_path):
+    source = tmp_path / "source.glb"
+    source.write_bytes(hero.read_bytes())
+    graft = mg.graft(mg.Library.build(source), "a", seed=2)
+    mg.write_graft(graft, tmp_path / "moved.glb")
+    source.unlink()
+    assert_replays(tmp_path / "moved.glb", graft)
 
 
 def test_grafts_in_files_are_no_donors_unless_named(copy, grafts):
-    mg.write_graft(grafts[:2], copy.with_name("new.glb"))
-    names = [own.motion.name for own in grafts[:2]]
     new = copy.with_name("new.glb")
+    mg.write_graft(grafts[:2], new)
+    names = [own.motion.name for own in grafts[:2]]
     assert exclude(new) == [f"{new}#a", f"{new}#b"]
     assert exclude(f"{new}#a*") == [f"{new}#a"]
     assert exclude(copy, new) == [f"{copy}#a", f"{copy}#b"]  # a copy adds no clips
@@ -191,23 +247,20 @@ def test_grafts_in_files_are_no_donors_unless_named(copy, grafts):
     folder = copy.parent / "folder"
     folder.mkdir()
     (folder / "new.glb").write_bytes(new.read_bytes())
-    library = None
     with pytest.warns(UserWarning, match="2 grafts of mograft excluded"):
         library = mg.Library.index(folder, copy.parent / "lib")
     assert library.names == ("a", "b")
 
 
-def test_only_captured_clip_keeps_its_address(tmp_path):
+def test_only_captured_clip_keeps_its_address(hero, tmp_path):
     path = tmp_path / "one.glb"
-    formats.write_glb(replace(dance(seed=1, strides=1).motion[:200], name="only"), path)
+    path.write_bytes(hero.with_name("other.glb").read_bytes())
     graft = mg.graft(mg.Library.build(path), seed=2)
     mg.write_graft(graft, path, update=True)
     clips = mg.read(path)
     assert [clip.clip for clip in clips] == [None, graft.motion.name]
     assert [clips.address(i) for i in (0, 1)] == [str(path), f"{path}#{graft.motion.name}"]
-    np.testing.assert_array_equal(
-        mg.replay(f"{path}#{graft.motion.name}").motion.rotations, graft.motion.rotations
-    )
+    assert_replays(f"{path}#{graft.motion.name}", graft)
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".npz"])
@@ -225,14 +278,10 @@ def test_write_graft_of_bvh_writes_all_motions_to_one_file(tmp_path, suffix):
         motion = graft.motion
         expected = fit_motion(read_gltf_file(target), motion) if suffix == ".glb" else motion
         assert_equal_to_float32(clip, expected)
-        again = mg.replay(f"{target}#{clip.name}")
-        np.testing.assert_array_equal(again.motion.rotations, graft.motion.rotations)
+        assert_replays(f"{target}#{clip.name}", graft)
     first = mg.read(f"{target}#{names[0]}")
-    assert (first.names, first[0].clip, first.address(0)) == (
-        names[:1],
-        names[0],
-        f"{target}#{names[0]}",
-    )
+    assert (first.names, first[0].clip) == (names[:1], names[0])
+    assert first.address(0) == f"{target}#{names[0]}"
 
 
 TURNS = [rotations.IDENTITY, *map(np.array, ([np.sqrt(0.5), 0, 0, np.sqrt(0.5)], [0, 0, 1.0, 0]))]
@@ -240,7 +289,6 @@ TURNS = [rotations.IDENTITY, *map(np.array, ([np.sqrt(0.5), 0, 0, np.sqrt(0.5)],
 
 @given(turn=st.sampled_from(TURNS), scale=st.floats(0.01, 100.0))
 def test_fit_motion_undoes_a_change_of_unit_and_axes(hero, turn, scale):
-    file = read_gltf_file(hero)
     motion = mg.read(hero)["a"]
     skeleton = motion.skeleton
     offsets = scale * rotations.rotate(turn, skeleton.offsets)
@@ -251,7 +299,7 @@ def test_fit_motion_undoes_a_change_of_unit_and_axes(hero, turn, scale):
         rotations=quats,
         positions=scale * rotations.rotate(turn, motion.positions),
     )
-    fitted = fit_motion(file, moved)
+    fitted = fit_motion(read_gltf_file(hero), moved)
     places = motion.world_positions()
     height = np.ptp(places[..., 1])
     np.testing.assert_allclose(fitted.world_positions(), places, atol=1e-5 * height)
@@ -260,7 +308,7 @@ def test_fit_motion_undoes_a_change_of_unit_and_axes(hero, turn, scale):
 def test_fit_motion_another_rest_pose_raises(hero):
     motion = mg.read(hero)["a"]
     offsets = motion.skeleton.offsets.copy()
-    thigh = motion.skeleton.names.index("LeftLeg")
+    thigh = motion.skeleton.index("LeftLeg")
     offsets[thigh] = np.roll(offsets[thigh], 1)
     other = replace(motion, skeleton=replace(motion.skeleton, offsets=offsets))
     with pytest.raises(mg.SkeletonMismatchError, match="has another rest pose than"):
@@ -270,8 +318,7 @@ def test_fit_motion_another_rest_pose_raises(hero):
 def test_graft_as_a_source_is_another_clip_after_its_replacement(copy, grafts):
     name = grafts[0].motion.name
     mg.write_graft(grafts[0], copy, update=True)
-    library = mg.Library.build(f"{copy}#{name}")
-    second = named(mg.graft(library, seed=3), "second")
+    second = named(mg.graft(mg.Library.build(f"{copy}#{name}"), seed=3), "second")
     mg.write_graft(second, copy, update=True)
     assert_equal_to_float32(mg.read(copy)["second"], second.motion)
     mg.write_graft(named(grafts[2], name), copy, update=True)

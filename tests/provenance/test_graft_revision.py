@@ -131,18 +131,6 @@ def test_removed_target_is_replayed_with_all_versions(graft):
         assert_replayed(version)
 
 
-def test_constrain_of_a_partial_library_raises_value_error(graft, tmp_path):
-    mg.write(graft.library.clips[0], tmp_path / "clip0.bvh")
-    mg.write(graft.library.clips[1], tmp_path / "clip1.bvh")
-    library = mg.Library.build([str(tmp_path / "clip0.bvh"), str(tmp_path / "clip1.bvh")])
-    mg.write_graft(mg.graft(library), tmp_path / "new.bvh")
-    partial = mg.replay(tmp_path / "new.json")
-    with pytest.raises(ValueError, match="whole library"):
-        constrain(partial, [])
-    with pytest.raises(ValueError, match="whole library"):
-        regenerate(partial, [("upper", (0, 9))], 0)
-
-
 def test_cancelled_search_returns_the_nearest_candidates(graft):
     avoid = mc.Avoid(mc.Sphere(hand_at(graft, 100), 30.0))
     quick = constrain(graft, [avoid], is_quick=True)

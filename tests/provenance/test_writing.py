@@ -14,7 +14,6 @@ from mograft import formats
 from mograft.dancer import dance
 from mograft.library.discover import find_clips
 from mograft.provenance.graft_record import read_record
-from mograft.provenance.writing import WRITERS
 from mograft.viewing.scene import Scene
 
 MOTION = dance(strides=1).motion[:40]
@@ -53,12 +52,17 @@ def test_write_existing_file_is_kept_unless_forced(tmp_path, new, taken):
     assert (tmp_path / taken).read_text() != "mine"
 
 
-def test_write_wrong_ending_or_type_raises(tmp_path):
+def test_write_wrong_ending_type_or_number_raises(tmp_path, new):
     with pytest.raises(ValueError, match=r"must end with .*got a\.bvhh; did you mean"):
         mg.write(MOTION, tmp_path / "a.bvhh")
     with pytest.raises(TypeError, match="`item` must be a Motion or a Graft, got str"):
         mg.write("a.bvh", tmp_path / "a.bvh")
-    assert set(WRITERS) >= {".bvh", ".csv", ".glb", ".npz", ".usda"}
+    for name in ("new.json", "new.fbx", "new"):
+        with pytest.raises(ValueError, match=rf"`path` must end with \.bvh, .*, got {name}"):
+            mg.write_graft(new, tmp_path / name)
+    for grafts in ([], [new, new]):
+        with pytest.raises(ValueError, match="`graft` must be one graft"):
+            mg.write_graft(grafts, tmp_path / "new.bvh")
     assert list(tmp_path.iterdir()) == []
 
 

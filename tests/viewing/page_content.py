@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 
+from mograft import view
 from mograft.motion import rotations
 from mograft.motion.motion import forward_kinematics
 
@@ -30,6 +31,11 @@ def page_data(page):
     for own in (*data["clips"], *data["characters"], *data["windows"].values()):
         own |= _element(page, own["data"])
     return data
+
+
+def shown(*items, **options):
+    """Return the data of the page that `view` makes."""
+    return page_data(view(*items, show=False, **options))
 
 
 def _element(page, name):

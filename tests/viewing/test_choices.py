@@ -26,6 +26,10 @@ def takes():
     return [replace(dance(seed=s, strides=1).motion[:420], name=f"take{s}") for s in range(2)]
 
 
+def data_of(path):
+    return page_data(mg.Page("", path.read_text(encoding="utf-8")))
+
+
 def click(page, selector):
     page.evaluate(f"document.querySelector(`{selector}`).click()")
 
@@ -57,13 +61,12 @@ def test_viewer_preview_moves_the_group_as_the_donor(browser, takes, tmp_path):
     library = Library.build(takes)
     new = graft(library, "take0", seed=1)
     path = view(new, show=False).save(tmp_path / "page.html")
-    data = page_data(mg.Page("", path.read_text(encoding="utf-8")))
+    data = data_of(path)
     assert list(data["windows"]) == ["take1"]
     joints = library.joints("upper")
-    upper = [s for s in new.substitutions if s.group == "upper"]
     seen = set()
     with open_page(browser, path) as page:
-        for part, own in enumerate(upper):
+        for part, own in enumerate(new.substitutions):
             for candidate in mg.candidates(library, own.segment, "upper").allowed[:20]:
                 name = library.names[candidate.clip]
                 if (name in seen and part % 9) or candidate.segment == own.segment:
@@ -106,7 +109,7 @@ def test_viewer_commands_replay_all_choices(
     assert main(["graft", *words]) == 0, capsys.readouterr().err
     capsys.readouterr()
     page_path = tmp_path / target
-    data = page_data(mg.Page("", page_path.read_text(encoding="utf-8")))
+    data = data_of(page_path)
     assert [clip["name"] for clip in data["clips"]] == ["take0", *names]
     monkeypatch.chdir(page_path.parent)
     with open_page(browser, page_path) as page:
@@ -143,7 +146,7 @@ def test_viewer_commands_replay_all_choices(
     taken = (data["donors"][table["source"][offset]], table["first"][offset], table["last"][offset])
     written = "long.glb#take0_graft1_new" if suffix == ".glb" else "take0_graft1_new.json"
     new = replay(written)
-    upper = [s for s in new.substitutions if s.group == "upper"]
+    upper = new.substitutions
     own = upper[part]
     assert (own.clip, own.donor_start, own.donor_stop) == taken
     assert upper[part + 3].is_own
@@ -164,7 +167,7 @@ def test_viewer_shows_changes_as_blocks(browser, takes, tmp_path):
     library = Library.build(takes)
     new = mg.change(graft(library, "take0", seed=1), "upper", (100, 160), ("take1", 200, 260))
     path = report_page([new]).save(tmp_path / "report.html")
-    data = page_data(mg.Page("", path.read_text(encoding="utf-8")))
+    data = data_of(path)
     (change,) = data["clips"][1]["rows"][0]["changes"]
     source = data["donors"][change.pop("source")]
     assert (source, change) == ("take1", {"start": 100, "stop": 160, "first": 200, "last": 260})

@@ -117,14 +117,6 @@ def test_command_plot_groups_library_and_files_agree(motion, tmp_path):
     assert pictures[0] == pictures[1]
 
 
-def test_command_plot_groups_preset_is_usage_error(motion, tmp_path, capsys):
-    write_bvh(motion, tmp_path / "a.bvh")
-    words = ["plot", "groups", str(tmp_path / "a.bvh"), "-o", str(tmp_path / "x.svg")]
-    with pytest.raises(SystemExit):
-        main([*words, "--groups", "lower_upper"])
-    assert "needs --groups auto or auto:N, got lower_upper" in capsys.readouterr().err
-
-
 def test_dendrogram_threshold_gives_clusters(library, axes):
     plot.dendrogram(library, ax=axes)
     branches = [branch for c in axes.collections for branch in c.get_segments()]

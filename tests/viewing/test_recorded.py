@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mograft import Library, graft, read_bvh, view, write_bvh, write_graft
+from mograft import Library, graft, read_bvh, write_bvh, write_graft
 from mograft.cli import main
 from mograft.constraints import Reach, Sphere
 from mograft.dancer import dance
 from mograft.search.pose_constraints import Avoid
 from mograft.viewing.page import Page
 from mograft.viewing.scene import Scene
-from tests.viewing.page_content import page_data
+from tests.viewing.page_content import page_data, shown
 
 CONSTRAINTS = (
     Avoid(Sphere((0, 80, 200), 30), weight=1.0),
@@ -35,8 +35,8 @@ ROW_KEYS = ("group", "start", "stop", "first", "last", "source", "others", "graf
 
 
 def test_view_file_with_provenance_equals_view_of_graft(made, tmp_path):
-    want = page_data(view(made, show=False))
-    got = page_data(view(tmp_path / "out" / "new.bvh", show=False))
+    want = shown(made)
+    got = shown(tmp_path / "out" / "new.bvh")
     assert [clip["name"] for clip in got["clips"]] == ["clip", "new"]
     assert got["objects"] == want["objects"]
     assert len(got["objects"]) == 2
@@ -51,10 +51,10 @@ def test_view_file_with_provenance_equals_view_of_graft(made, tmp_path):
 
 def test_view_missing_or_changed_base_shows_graft_alone(made, tmp_path):
     (tmp_path / "clip.bvh").unlink()
-    data = page_data(view(tmp_path / "out" / "new.bvh", show=False))
+    data = shown(tmp_path / "out" / "new.bvh")
     assert [clip["name"] for clip in data["clips"]] == ["new"]
     write_bvh(made.base[:400], tmp_path / "clip.bvh")
-    data = page_data(view(tmp_path / "out" / "new.bvh", show=False))
+    data = shown(tmp_path / "out" / "new.bvh")
     assert [clip["name"] for clip in data["clips"]] == ["new"]
     assert data["clips"][0]["rows"][0]["grafted"]
 
@@ -67,14 +67,14 @@ def test_view_damaged_provenance_warns_and_shows_motion(tmp_path, damage):
     document[damage] = 3
     path.write_text(json.dumps(document))
     with pytest.warns(UserWarning, match=r"new\.json.*shown without donors"):
-        data = page_data(view(path.with_suffix(".bvh"), show=False))
+        data = shown(path.with_suffix(".bvh"))
     assert [row["group"] for row in data["clips"][0]["rows"]] == ["segments"]
 
 
 @pytest.mark.usefixtures("made")
 def test_view_other_json_beside_motion_is_ignored(tmp_path):
     (tmp_path / "clip.json").write_text('{"schema": "other/1"}')
-    data = page_data(view(tmp_path / "clip.bvh", show=False))
+    data = shown(tmp_path / "clip.bvh")
     assert [row["group"] for row in data["clips"][0]["rows"]] == ["segments"]
 
 

@@ -3,7 +3,7 @@
 import re
 from importlib.resources import files
 
-from mograft.viewing.page import _SCRIPTS, viewer_script
+from mograft.viewing.page import _SCRIPTS
 
 IMPORT = re.compile(r'^import \{ ([\w, ]+) \} from "\./(\w+)\.js";$', re.MULTILINE)
 DECLARED = re.compile(
@@ -14,11 +14,6 @@ DECLARED = re.compile(
 def modules():
     folder = files("mograft.viewing").joinpath("script")
     return {name: folder.joinpath(f"{name}.js").read_text("utf-8") for name in _SCRIPTS}
-
-
-def test_script_modules_are_all_files_in_the_folder():
-    folder = files("mograft.viewing").joinpath("script")
-    assert sorted(f"{name}.js" for name in _SCRIPTS) == sorted(p.name for p in folder.iterdir())
 
 
 def test_script_modules_use_imports_of_earlier_modules_only():
@@ -36,11 +31,3 @@ def test_script_modules_use_imports_of_earlier_modules_only():
 def test_script_top_level_names_are_unique():
     declared = [own for text in modules().values() for _, own in DECLARED.findall(text)]
     assert len(declared) == len(set(declared))
-
-
-def test_script_has_one_scope_without_imports_and_exports():
-    text = viewer_script()
-    assert not re.findall(r"^(?:import|export)\b", text, re.MULTILINE)
-    assert text.startswith('"use strict";\n(() => {\n')
-    assert text.endswith("\n})();")
-    assert "</script" not in text

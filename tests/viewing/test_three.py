@@ -9,7 +9,7 @@ from importlib.resources import files
 import pytest
 
 from mograft import view
-from mograft.viewing.page import embed_json, viewer_script
+from mograft.viewing.page import embed_json
 from release import three
 from tests.viewing.page_content import page_data
 
@@ -33,12 +33,6 @@ def test_three_exports_exactly_the_names_that_the_scripts_use():
     text = three.TARGET.read_text(encoding="utf-8")
     table = max(re.findall(r"\{((?:\w+:\(\)=>[\w$]+,?)+)\}", text), key=len)
     assert set(re.findall(r"(\w+):\(\)=>", table)) == set(three.used_names())
-
-
-def test_three_has_the_names_of_a_page():
-    names = set(re.findall(r"\bTHREE\.(\w+)", viewer_script()))
-    assert names
-    assert names <= set(three.used_names())
 
 
 def test_three_new_build_has_same_bytes(monkeypatch, tmp_path):

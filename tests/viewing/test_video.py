@@ -159,6 +159,8 @@ def test_write_video_hostile_names_succeed(tmp_path, name):
         ({"rate": 51}, "`rate` must be above 0 and at most 50"),
         ({"rate": np.nan}, "`rate` must be above 0"),
         ({"groups": "wings"}, "`preset` must be one of"),
+        ({"renderer": "lines"}, "`renderer` must be 'capsules' or 'browser', got 'lines'"),
+        ({"character": "a.glb"}, "`renderer` must be 'browser' for a character, got 'capsules'"),
     ],
 )
 def test_write_video_invalid_arguments_raise_value_error(motion, tmp_path, options, message):
@@ -174,24 +176,16 @@ def test_write_video_invalid_arguments_raise_value_error(motion, tmp_path, optio
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no sessions")
-def test_write_video_keeps_ctrl_c_from_ffmpeg(motion, tmp_path, monkeypatch):
+def test_write_video_failing_ffmpeg_raises_os_error_with_message(motion, tmp_path, monkeypatch):
+    """The process is of another session than ours: Ctrl-C does not reach it."""
     program = tmp_path / "ffmpeg"
     text = "import os, sys; sys.exit(f'leads its session: {os.getsid(0) == os.getpid()}')"
     program.write_text(f"#!{sys.executable}\n{text}\n")
     program.chmod(0o755)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(OSError, match="leads its session: True"):
+    with pytest.raises(OSError, match="could not write the film: leads its session: True"):
         write_video(motion, tmp_path / "new.mp4", size=(64, 64))
-
-
-def test_write_video_failing_ffmpeg_raises_os_error_with_message(motion, tmp_path, monkeypatch):
-    (tmp_path / "ffmpeg").write_text("#!/bin/sh\necho 'no such codec' >&2\nexit 3\n")
-    (tmp_path / "ffmpeg").chmod(0o755)
-    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
-    with pytest.raises(OSError, match="could not write the film: no such codec"):
-        write_video(motion, tmp_path / "m.mp4")
     assert [path.name for path in tmp_path.iterdir()] == ["ffmpeg"]
 
 
@@ -245,19 +239,6 @@ def test_film_of_browser_shows_the_mesh_of_the_character(tmp_path):
     capsules = film_of_browser(tmp_path, "capsules", "cheer.bvh")
     difference = [np.abs(own - mesh).mean() for own in (given, capsules)]
     assert difference[0] < 0.1 * difference[1]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"renderer": "lines"}, "`renderer` must be 'capsules' or 'browser', got 'lines'"),
-        ({"character": "a.glb"}, "`renderer` must be 'browser' for a character, got 'capsules'"),
-    ],
-)
-def test_film_refuses_renderer_and_character_that_do_not_fit(motion, tmp_path, arguments, message):
-    with pytest.raises(ValueError, match=message):
-        write_video(motion, tmp_path / "a.gif", **arguments)
-    assert not list(tmp_path.iterdir())
 
 
 def test_film_of_browser_without_playwright_names_the_extra(motion, tmp_path, monkeypatch):

@@ -82,7 +82,8 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
             owner = f"{rest.names[joint]} in frame {frame}"
             message = f"expected finite transforms, got NaN or infinity at {owner}"
             raise FormatError(message, path, place)
-        return rebase(rest, quats, positions, frame_time, name=names[take])
+        with errors_of_file(path, place):
+            return rebase(rest, quats, positions, frame_time, name=names[take])
 
     return Clips(path, tuple(names), load, "FBX", notes, lambda take: spans[take][1])
 

@@ -159,16 +159,17 @@ def _summarize(command: Command) -> str:
     return " ".join([*shown, "[options]"])
 
 
-def _check_names(parsers: Parsers, words: Sequence[str]) -> None:
-    """End with a usage error if a command or a long option in `words` does not exist.
+def _check_names(parsers: Parsers, words: Sequence[str]) -> tuple[str, ...]:
+    """Return the words of the command, ``()`` if `words` do not name a whole one.
 
-    The message suggests the most similar name.
+    End with a usage error if a command or a long option in `words` does not exist. The message
+    suggests the most similar name.
     """
     path: tuple[str, ...] = ()
     while names := [known[-1] for known in parsers if known and known[:-1] == path]:
         word = words[len(path)] if len(path) < len(words) else "-"
         if word.startswith("-"):
-            return
+            return ()
         if word not in names:
             kind, hint = "ACTION" if path else "COMMAND", suggest_name(word, names)
             parsers[path].error(f"{kind} must be one of {', '.join(names)}; got {word!r}{hint}")
@@ -190,6 +191,7 @@ def _check_names(parsers: Parsers, words: Sequence[str]) -> None:
                 hint = f"; {usage.removesuffix(' [options]')} has it"
             hint = hint or f"; mograft {' '.join(path)} --help-all lists all options"
             parsers[path].error(f"{' '.join(path)} has no option {name}{hint}")
+    return path
 
 
 def _has_flag(parser: argparse.ArgumentParser, name: str) -> bool:
@@ -209,11 +211,13 @@ def parse(
     words = sys.argv[1:] if arguments is None else arguments
     is_short = not any(word.startswith("--help-") for word in words)
     parsers = build_parsers(commands, is_short=is_short)
-    _check_names(parsers, words)
-    known, unknown = parsers[()].parse_known_args(words)
+    path = _check_names(parsers, words)
+    parser = parsers[path]
+    # A parser with commands takes no files; without one, it prints its help or an error.
+    parse_words = parser.parse_known_intermixed_args if path else parser.parse_known_args
+    known, unknown = parse_words(words[len(path) :])
     found = vars(known)
     command: Command = found["command"]
-    parser: argparse.ArgumentParser = found["parser"]
     if unknown:
         hint = f"; {parser.prog} --help-all lists all options"
         if unknown[0] == "-n" and hasattr(known, "keep"):
