@@ -68,13 +68,15 @@ def _section(heading: str, note: str, *tables: str) -> list[str]:
     return [f"<h2>{heading}</h2>", *tables, f'<p class="note">{html.escape(note)}</p>']
 
 
-def evaluation_page(evaluation: Evaluation) -> Page:
+def evaluation_page(evaluation: Evaluation, title: str | None = None) -> Page:
     """Return a page with the results of an evaluation.
 
     Parameters
     ----------
     evaluation : Evaluation
         The result of `evaluate`.
+    title : str, optional
+        Title of the page. Default: "Evaluation of" and the names of the first two clips.
 
     Returns
     -------
@@ -84,7 +86,7 @@ def evaluation_page(evaluation: Evaluation) -> Page:
     library = evaluation.library
     names = library.names
     more = f" and {len(names) - 2} more" if len(names) > 2 else ""
-    title = f"Evaluation of {', '.join(names[:2])}{more}"
+    title = title or f"Evaluation of {', '.join(names[:2])}{more}"
     lead = (
         f"{len(names)} clips, {sum(entry.n_frames for entry in library.entries)} frames at "
         f"{library.rate:.4g} frames per second, {len(library.segments)} segments. Seed "
