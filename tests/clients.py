@@ -25,10 +25,36 @@ validator.validateBytes(new Uint8Array(data), {maxIssues: 20})
   .then((report) => console.log(JSON.stringify(report.issues)));
 """
 
-_IMPORT = """
-import bpy, json, sys
-path, frames, rate = json.loads(sys.argv[1])
+_START = """
+import bpy, json, sys, time
+
+def poses(owner, moments):
+    found = []
+    for at in moments:
+        bpy.context.scene.frame_set(int(at), subframe=at - int(at))
+        bpy.context.view_layer.update()
+        world = owner.matrix_world
+        if owner.type == "ARMATURE":
+            found.append({b.name: list(world @ b.head) for b in owner.pose.bones})
+        else:
+            found.append({owner.name: list(world.translation)})
+    return found
+
+def show(owner, action):
+    owner.animation_data.action = action
+    if hasattr(action, "slots"):  # older versions of Blender have none
+        owner.animation_data.action_slot = action.slots[0]
+
+def frame_rate():
+    return bpy.context.scene.render.fps / bpy.context.scene.render.fps_base
+
+words = json.loads(sys.argv[1])
 bpy.ops.wm.read_factory_settings(use_empty=True)
+"""
+"""What the scripts share. Each computes `result`."""
+
+_IMPORT = """
+path, frames, rate = words
 if path.endswith(".bvh"):
     bpy.ops.import_anim.bvh(filepath=path, axis_forward="-Z", axis_up="Y",
                             update_scene_fps=True, update_scene_duration=True)
@@ -38,85 +64,31 @@ elif path.endswith(".usdc"):
     first, step = 0, 1.0
 else:
     bpy.ops.import_scene.gltf(filepath=path)
-    scene = bpy.context.scene
-    first, step = 0, scene.render.fps / scene.render.fps_base / rate
-scene = bpy.context.scene
+    first, step = 0, frame_rate() / rate
 figure = next(o for o in bpy.data.objects if o.type == "ARMATURE")
-heads = []
-for frame in frames:
-    at = first + frame * step
-    scene.frame_set(int(at), subframe=at - int(at))
-    bpy.context.view_layer.update()
-    heads.append({b.name: list(figure.matrix_world @ b.head) for b in figure.pose.bones})
-print("RESULT" + json.dumps({"heads": heads, "actions": [a.name for a in bpy.data.actions]}))
+result = {"heads": poses(figure, [first + frame * step for frame in frames])}
 """
 
 # The keys of a take are one frame later than their times.
 _IMPORT_FBX = """
-import bpy, json, sys, time
-path, takes, n_runs, operator = json.loads(sys.argv[1])
+path, takes, n_runs, operator = words
 group, name = operator.split(".")
-seconds, processor_seconds = [], []
+result = {"places": {}, "seconds": [], "processor_seconds": []}
 for run in range(n_runs):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     start, used = time.perf_counter(), time.process_time()
     getattr(getattr(bpy.ops, group), name)(filepath=path)
-    seconds.append(time.perf_counter() - start)
-    processor_seconds.append(time.process_time() - used)
+    result["seconds"].append(time.perf_counter() - start)
+    result["processor_seconds"].append(time.process_time() - used)
 used = time.process_time()
-scene = bpy.context.scene
 objects = sorted(bpy.data.objects, key=lambda o: (o.type != "ARMATURE", not o.animation_data))
 figure = objects[0] if objects else None
-places = {}
 for name, times in takes.items():
     actions = [a for a in bpy.data.actions if a.name.startswith(f"{figure.name}|{name}"[:63])]
     if actions:
-        figure.animation_data.action = actions[0]
-        figure.animation_data.action_slot = actions[0].slots[0]
-    places[name] = []
-    for moment in times:
-        at = 1 + moment * scene.render.fps / scene.render.fps_base
-        scene.frame_set(int(at), subframe=at - int(at))
-        bpy.context.view_layer.update()
-        if figure.type == "ARMATURE":
-            heads = {b.name: list(figure.matrix_world @ b.head) for b in figure.pose.bones}
-        else:
-            heads = {figure.name: list(figure.matrix_world.translation)}
-        places[name].append(heads)
-found = {"places": places, "seconds": seconds, "processor_seconds": processor_seconds,
-         "pose_seconds": time.process_time() - used}
-print("RESULT" + json.dumps(found))
-"""
-
-_PLAY = """
-import bpy, json, sys
-path, requests = json.loads(sys.argv[1])
-bpy.ops.wm.read_factory_settings(use_empty=True)
-bpy.ops.import_scene.gltf(filepath=path)
-scene = bpy.context.scene
-rate = scene.render.fps / scene.render.fps_base
-figure = next(o for o in bpy.data.objects if o.type == "ARMATURE")
-for track in list(figure.animation_data.nla_tracks):
-    figure.animation_data.nla_tracks.remove(track)
-found = {}
-for name, times in requests.items():
-    for bone in figure.pose.bones:
-        bone.matrix_basis.identity()
-    # Older versions of Blender append the name of the object, and have no slots.
-    actions = bpy.data.actions
-    action = actions[name] if name in actions else actions[f"{name}_{figure.name}"]
-    figure.animation_data.action = action
-    if hasattr(action, "slots"):
-        figure.animation_data.action_slot = action.slots[0]
-    found[name] = []
-    for time in times:
-        # Frames in single precision: a step at a key must not come one frame late.
-        at = time * rate + 1e-4
-        scene.frame_set(int(at), subframe=at - int(at))
-        bpy.context.view_layer.update()
-        heads = {b.name: list(figure.matrix_world @ b.head) for b in figure.pose.bones}
-        found[name].append(heads)
-print("RESULT" + json.dumps(found))
+        show(figure, actions[0])
+    result["places"][name] = poses(figure, [1 + moment * frame_rate() for moment in times])
+result["pose_seconds"] = time.process_time() - used
 """
 
 
@@ -176,12 +148,6 @@ def run_with_blender(script, *arguments):
     assert not completed.returncode, completed.stderr
 
 
-def blender_player():
-    """Return a function from a glTF file and times in seconds, by action, to the bone heads."""
-    python = _blender_python()
-    return lambda path, times_by_action: _run_blender(python, _PLAY, [str(path), times_by_action])
-
-
 def _blender_python():
     """Return the Python that has bpy; skip the test without it."""
     python = os.environ.get("MOGRAFT_BPY_PYTHON")
@@ -195,9 +161,9 @@ def _blender_python():
 
 def _run_blender(python, script, arguments):
     """Run a script in a process of its own, as bpy needs another version of NumPy."""
-    completed = subprocess.run(
-        [python, "-c", script, json.dumps(arguments)], capture_output=True, text=True, check=False
-    )
+    script = f"{_START}{script}print('RESULT' + json.dumps(result))"
+    words = [python, "-c", script, json.dumps(arguments)]
+    completed = subprocess.run(words, capture_output=True, text=True, check=False)
     lines = [line for line in completed.stdout.splitlines() if line.startswith("RESULT")]
     if not lines:
         print(completed.stdout, completed.stderr, file=sys.stderr)

@@ -4,10 +4,9 @@ import json
 import signal
 import socket
 import struct
-import subprocess
 import sys
 import time
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +19,7 @@ import mograft as mg
 import mograft.constraints as mc
 from mograft.stream.server import ServerLimits, StreamServer, is_loopback
 from mograft.stream.session import MAX_BODY_BYTES, MAX_HEADER_BYTES, StreamSession
+from tests.running import running
 from tests.stream_examples import StreamClient, StreamError
 
 PATIENT = ServerLimits(idle_seconds=600.0, message_seconds=600.0, drain_seconds=600.0)
@@ -39,10 +39,14 @@ def connect(server):
     return StreamClient(("127.0.0.1", server.port))
 
 
+def arrays_of(motion, rows=slice(None)):
+    """Return frames of a motion as the arrays of a push."""
+    return {"rotations": motion.rotations[rows], "positions": motion.positions[rows]}
+
+
 def push_rows(client, motion, rows=slice(None)):
     """Push frames of a motion; return the reply."""
-    arrays = {"rotations": motion.rotations[rows], "positions": motion.positions[rows]}
-    return client.request({"type": "push"}, **arrays)
+    return client.request({"type": "push"}, **arrays_of(motion, rows))
 
 
 def pieces_by_socket(client, rotations, positions, chunks, **options):
@@ -121,22 +125,19 @@ def test_socket_welcome_describes_the_skeleton(server, two_dances):
 
 
 def test_socket_requests_sent_together_get_their_replies_in_order(server, short_base):
-    rotations, positions = short_base.rotations, short_base.positions
     with connect(server) as client:
         client.send(HELLO)
-        for first in range(0, len(rotations), 20):
-            rows = slice(first, first + 20)
-            client.send({"type": "push"}, rotations=rotations[rows], positions=positions[rows])
+        for first in range(0, 260, 20):
+            client.send({"type": "push"}, **arrays_of(short_base, slice(first, first + 20)))
         client.send({"type": "close"})
         assert client.receive()[0]["type"] == "welcome"
-        n_known = [client.receive()[0]["n_known"] for _ in range(0, len(rotations), 20)]
-        assert n_known == list(range(20, len(rotations) + 1, 20))
+        assert [client.receive()[0]["n_known"] for _ in range(13)] == list(range(20, 261, 20))
         assert client.receive()[0]["is_closed"]
 
 
 def test_socket_constraints_apply_as_in_a_stream(server, two_dances, short_base):
     hand = short_base.world_positions()[100, short_base.skeleton.index("LeftHand")]
-    center = [float(value) for value in hand + np.array([0.0, 6.0, 0.0])]
+    center = (hand + np.array([0.0, 6.0, 0.0])).tolist()
     ball = {"kind": "Sphere", "center": center, "radius": 8.0}
     records = [{"kind": "Avoid", "obstacle": ball}, {"kind": "OnlyFrom", "clips": ["clip1"]}]
     constraints = [mc.Avoid(mc.Sphere(tuple(center), 8.0)), mc.OnlyFrom("clip1")]
@@ -362,19 +363,21 @@ def test_random_bytes_get_at_most_errors(server, start, end):
 
 SIZES = st.floats(-1e15, 1e15) | st.sampled_from([1e-300, 1e15, -1e15, 0.0])
 POINTS = st.lists(SIZES, min_size=3, max_size=3)
+SHAPES = {
+    "Sphere": {"center": POINTS, "radius": SIZES},
+    "Box": {"center": POINTS, "half": POINTS},
+    "HalfSpace": {"point": POINTS, "normal": POINTS},
+}
 OBSTACLES = st.one_of(
-    st.fixed_dictionaries({"kind": st.just("Sphere"), "center": POINTS, "radius": SIZES}),
-    st.fixed_dictionaries({"kind": st.just("Box"), "center": POINTS, "half": POINTS}),
-    st.fixed_dictionaries({"kind": st.just("HalfSpace"), "point": POINTS, "normal": POINTS}),
+    st.fixed_dictionaries({"kind": st.just(kind), **sizes}) for kind, sizes in SHAPES.items()
 )
-TOLERANCES = {"weight": SIZES, "tolerance": SIZES}
-OPTIONS = {**TOLERANCES, "frames": st.just([0, 10**15])}
+FRAMES = st.integers(0, 10**15)
 TARGETS = {"kind": st.just("Reach"), "joint": st.just("LeftHand"), "target": POINTS}
-TARGETS["frame"] = st.integers(0, 10**15)
-CONSTRAINTS = st.one_of(
-    st.fixed_dictionaries({"kind": st.just("Avoid"), "obstacle": OBSTACLES}, optional=OPTIONS),
-    st.fixed_dictionaries(TARGETS, optional=TOLERANCES),
-)
+TOLERANCES = {"weight": SIZES, "tolerance": SIZES}
+CONSTRAINTS = st.fixed_dictionaries(
+    {"kind": st.just("Avoid"), "obstacle": OBSTACLES},
+    optional={**TOLERANCES, "frames": st.just([0, 10**15])},
+) | st.fixed_dictionaries({**TARGETS, "frame": FRAMES}, optional=TOLERANCES)
 
 
 @settings(max_examples=15)
@@ -409,18 +412,14 @@ def test_incomplete_message_ends_the_connection_after_the_timeout(two_dances, da
 
 def test_silent_client_is_disconnected_after_the_idle_timeout(two_dances):
     limits = ServerLimits(idle_seconds=0.3)
-    with StreamServer(two_dances, limits=limits) as server:
-        start = time.monotonic()
-        with connect(server) as client:
-            for action in (lambda: client.request(HELLO), client.receive):
-                try:
-                    action()  # even the first if this process is not scheduled in time
-                except StreamError as error:
-                    header = error.header
-                    break
-            assert header["code"] == "timeout"
-            assert "no complete message" in header["message"]
-            assert time.monotonic() - start >= limits.idle_seconds
+    start = time.monotonic()
+    with StreamServer(two_dances, limits=limits) as server, connect(server) as client:
+        # The first of the calls may fail, if this process is not scheduled in time.
+        with pytest.raises(StreamError, match="no complete") as caught:  # noqa: PT012
+            client.request(HELLO)
+            client.receive()
+        assert caught.value.header["code"] == "timeout"
+        assert time.monotonic() - start >= limits.idle_seconds
 
 
 def test_client_that_does_not_read_replies_is_disconnected(two_dances):
@@ -504,43 +503,30 @@ def test_is_loopback_only_for_addresses_of_this_computer():
     assert not any(map(is_loopback, ("0.0.0.0", "::", "192.168.1.2", "example.org", "")))
 
 
-@contextmanager
-def run_command(*words):
-    """Run ``mograft stream`` as a process; yield it and the document that it prints."""
-    command = [sys.executable, "-m", "mograft", "stream", *map(str, words), "--json"]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        try:
-            lines = []
-            while not lines or lines[-1] != "}\n":
-                lines.append(process.stdout.readline())
-                assert lines[-1], process.stderr.read()
-            yield process, json.loads("".join(lines))
-        finally:
-            process.kill()
+def interrupt(process):
+    """Interrupt a command; return its errors."""
+    process.send_signal(signal.SIGINT)
+    assert process.wait(120) == 130
+    return process.stderr.read()
 
 
 def test_command_serves_a_library_until_it_is_interrupted(two_dances, short_base, tmp_path):
     two_dances.save(tmp_path / "l")
-    with run_command(tmp_path / "l", "--port", 0) as (process, document):
+    with running("stream", tmp_path / "l", "--port", 0) as (process, document):
         assert document["schema"] == "mograft.stream-server/1"
         host, _, port = document["address"].partition(":")
         assert host == "127.0.0.1"
         with StreamClient((host, int(port))) as client:
             rotations, positions = short_base.rotations, short_base.positions
             found = pieces_by_socket(client, rotations, positions, [30], dtype="float64")
-        process.send_signal(signal.SIGINT)
-        assert process.wait(120) == 130
-        assert process.stderr.read() == "interrupted\n"
+        assert interrupt(process) == "interrupted\n"
     pieces = pieces_in_process(two_dances, short_base)
     np.testing.assert_array_equal(found[0], mg.join_pieces(pieces).rotations)
 
 
 def test_command_warns_of_other_computers(two_dances, tmp_path):
     two_dances.save(tmp_path / "l")
-    with run_command(tmp_path / "l", "--port", 0, "--host", "0.0.0.0") as (process, document):
+    words = ["stream", tmp_path / "l", "--port", 0, "--host", "0.0.0.0"]
+    with running(*words) as (process, document):
         assert document["address"].startswith("0.0.0.0:")
-        process.send_signal(signal.SIGINT)
-        process.wait(120)
-        assert "0.0.0.0 accepts connections from other computers" in process.stderr.read()
+        assert "0.0.0.0 accepts connections from other computers" in interrupt(process)

@@ -1,10 +1,12 @@
 """Random actions with undo and redo: the state is that of a replay of the actions."""
 
+import json
 import shutil
 import tempfile
 from dataclasses import replace
 from pathlib import Path
 
+import httpx
 import pytest
 from hypothesis import Phase, settings
 from hypothesis import strategies as st
@@ -15,6 +17,7 @@ from mograft.dancer import dance
 from mograft.library.origin import hash_poses
 from mograft.studio import sources
 from mograft.studio.actions.editing import is_locked
+from mograft.studio.server import StudioServer
 from mograft.studio.session import Session
 from tests.studio.conftest import build_once
 
@@ -76,7 +79,7 @@ class Actions(RuleBasedStateMachine):
         super().__init__()
         self.folder = Path(tempfile.mkdtemp())
         self.session = open_session(self.folder, "a.json")
-        self.log, self.past, self.future = [], [], []
+        self.log, self.past, self.future, self.locked = [], [], [], {}
         self.do(action="make", count=2)
 
     def do(self, **action):
@@ -191,20 +194,15 @@ class Actions(RuleBasedStateMachine):
     @invariant()
     def locks_keep_donors(self):
         """Locked segments keep their donors until they are unlocked."""
-        found = {}
+        locked = {}
         for own in self.session.project.motions:
             graft = self.session.workshop.graft(own.record)
             for group, donors in graft.donors.items():
-                locked = is_locked(graft, group, own.locks)
-                found[own.id, group] = dict(enumerate(donors.tolist()) if locked.any() else ())
-                found[own.id, group] = {
-                    at: donor for at, donor in found[own.id, group].items() if locked[at]
-                }
+                for at in is_locked(graft, group, own.locks).nonzero()[0].tolist():
+                    locked[own.id, group, at] = donors[at]
         if self.log and self.log[-1]["action"] not in ("undo", "redo"):
-            for key, donors in found.items():
-                old = getattr(self, "locked", {}).get(key, {})
-                assert all(donors[at] == donor for at, donor in old.items() if at in donors)
-        self.locked = found
+            assert all(locked[key] == old for key, old in self.locked.items() if key in locked)
+        self.locked = locked
 
     def teardown(self):
         """Compare the session with one that does the same actions, and with its file."""
@@ -228,6 +226,42 @@ class Actions(RuleBasedStateMachine):
             shutil.rmtree(self.folder)
 
 
+class ServedSession:
+    """A session whose actions are requests to a server of it."""
+
+    def __init__(self, session):
+        self._session = session
+        self._server = StudioServer(session, session.folder, report=lambda _: None).__enter__()
+        origin = self._server.url.partition("/?")[0]
+        self._client = httpx.Client(base_url=origin, headers={"origin": origin}, timeout=60)
+        self._client.get(self._server.url)
+
+    def __getattr__(self, name):
+        return getattr(self._session, name)
+
+    def do(self, action, revision=None):
+        reply = self._client.post("/api/do", json={**action, "revision": revision})
+        if reply.status_code != 200:
+            assert reply.status_code == 400, reply.text
+            raise ValueError(reply.json()["error"])
+        shown = self._client.get("/api/state").json()
+        assert shown == json.loads(json.dumps(self._session.state()))
+        assert reply.json()["revision"] == shown["revision"]
+
+    def close(self):
+        self._client.close()
+        self._server.__exit__()
+        self._session.close()
+
+
+class ServedActions(Actions):
+    """The actions by requests."""
+
+    def __init__(self):
+        super().__init__()
+        self.session = ServedSession(self.session)
+
+
 FEW = settings(max_examples=8, stateful_step_count=15, deadline=None, phases=[Phase.generate])
 
 
@@ -235,6 +269,10 @@ class TestActions(Actions.TestCase):
     settings = FEW
 
 
+class TestServedActions(ServedActions.TestCase):
+    settings = settings(FEW, max_examples=3)
+
+
 @pytest.mark.thorough
-class TestManyActions(Actions.TestCase):
+class TestManyActions(ServedActions.TestCase):
     settings = settings(FEW, max_examples=40, stateful_step_count=50)

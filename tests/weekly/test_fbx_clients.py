@@ -12,6 +12,7 @@ import pytest
 
 import mograft as mg
 from mograft.dancer import dance
+from mograft.io.fbx import load_scene
 from tests.clients import blender_fbx, run_with_blender
 from tests.io import fbx_scenes as fbx
 from tests.io.recorded_files import DATA
@@ -47,17 +48,15 @@ def read_recorded(name):
 
 def read_both(path):
     """Return the clips of a file, and Blender's positions of the joints of each clip, in metres."""
-    run = blender_fbx()
-    clips = mg.read(path)
-    takes = clips.load.__self__.takes
-    times = {
-        take.name: (take.begin + np.arange(take.length.n_frames) * take.length.frame_time).tolist()
-        for take in takes
-    }
-    places = run(path, times)["places"]
+    clips, times = mg.read(path), {}
+    takes = load_scene(path, path.read_bytes()).takes
+    for (name, span, key_span, _), motion in zip(takes, clips, strict=True):
+        begin = (span if span[1] > span[0] else key_span)[0]
+        times[name] = (begin + np.arange(motion.n_frames) * motion.frame_time).tolist()
+    places = blender_fbx()(path, times)["places"]
     positions = [
-        np.array([[heads[joint] for joint in motion.skeleton.names] for heads in places[take.name]])
-        for take, motion in zip(takes, clips, strict=True)
+        np.array([[heads[joint] for joint in motion.skeleton.names] for heads in places[name]])
+        for name, motion in zip(times, clips, strict=True)
     ]
     return clips, positions
 
