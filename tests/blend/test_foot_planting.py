@@ -23,13 +23,13 @@ from mograft._util.runs import find_runs
 from mograft.blend.foot_planting import limit_floor_speed
 from mograft.blend.foot_targets import foot_displacements, lowest_heights
 from mograft.blend.two_bone_ik import bend_limb
-from mograft.body.contacts import Ground, detect_contacts, find_legs, foot_heights
+from mograft.body.contacts import Ground, detect_contacts, foot_heights
 from mograft.body.mass import mass_model
 from mograft.body.support_polygon import support_polygons
 from mograft.constraints import KeepOriginal
 from mograft.dancer import dance
 from mograft.motion import rotations
-from tests.hierarchies import DANCES, DATA, distinct_recordings, recording
+from tests.hierarchies import DANCES, distinct_recordings, recording
 from tests.strategies import SEEDS, few_examples, transform_motion
 
 
@@ -91,14 +91,6 @@ def test_bend_limb_target_out_of_reach_straightens_towards_it(seed, bend, times)
     np.testing.assert_allclose(foot, points[0] + way * (upper + lower), atol=1e-6)
 
 
-@given(SEEDS, st.floats(0.01, 3.0))
-def test_bend_limb_target_already_met_gives_identity(seed, bend):
-    points, axis, *_ = limb(np.random.default_rng(seed), bend)
-    *_, at_start, at_middle = bent(points, points[2], axis)
-    for turn in (at_start, at_middle):
-        assert rotations.angle(turn, rotations.IDENTITY).max() < 1e-6
-
-
 def test_bend_limb_degenerate_targets_give_finite_rotations():
     straight = np.array([[0, 0, 0], [0, -1, 0], [0, -2, 0]], float)
     for wanted in ([0, 0, 0], [0, 2, 0], [0, -5, 0], [0, -2, 0]):
@@ -142,14 +134,6 @@ def test_plant_feet_sliding_motion_fixes_feet_and_keeps_bone_lengths(sample, see
     others = np.setdiff1d(np.arange(motion.n_joints), [1, 2, 3, 4, 5, 6])
     np.testing.assert_array_equal(still.rotations[:, others], motion.rotations[:, others])
     np.testing.assert_array_equal(still.positions[:, 1:], motion.positions[:, 1:])
-
-
-def test_plant_feet_root_acceleration_at_most_doubles(sample):
-    motion = sliding(sample.motion, [12.0, 0.0, 5.0])
-    still, report = plant_feet(motion, detect_contacts(sample.motion))
-    assert report.moved_root > 0
-    bends = [np.abs(np.diff(m.positions[:, 0], 2, axis=0)).max() for m in (motion, still)]
-    assert bends[1] < 2 * bends[0]
 
 
 @settings(max_examples=12, deadline=None)
@@ -227,24 +211,6 @@ def contact_arrays(draw, n_frames=120):
 
 
 @few_examples(30)
-@given(
-    walkers(),
-    st.none() | contact_arrays(),
-    st.sampled_from([None, (True, False), (False, True)]),
-    st.booleans(),
-    st.booleans(),
-)
-def test_plant_feet_any_walk_pushes_no_foot_below_its_depth(
-    motion, contacts, movable, move_root, is_lifted
-):
-    heights = foot_heights(motion) if is_lifted else None
-    still, _ = plant_feet(
-        motion, contacts, movable_legs=movable, move_root=move_root, min_heights=heights
-    )
-    assert_no_deeper(still, motion, Ground.of(motion))
-
-
-@few_examples(30)
 @given(SEEDS, contact_arrays(), st.floats(0.06, 0.3), st.floats(0.0, 1.0))
 def test_foot_displacements_standing_points_do_not_move(seed, contacts, length, pitch):
     """A foot that wavers about the floor and rocks: plants are clear of all depths."""
@@ -270,24 +236,38 @@ def test_foot_displacements_standing_points_do_not_move(seed, contacts, length, 
     assert (ends @ up >= lowest - 1e-9 * height).all()
 
 
-@few_examples(15)
+@few_examples(45)
 @given(
     walkers(),
     st.none() | contact_arrays(),
+    st.sampled_from([(True, True), (True, False), (False, True)]),
+    st.booleans(),
+    st.booleans(),
     st.floats(-0.1, 0.1),
-    st.sampled_from([None, (True, False)]),
 )
-def test_plant_feet_no_foot_is_deeper_than_in_floor_reference(recorded, contacts, rise, movable):
-    """A motion that sinks below its recording, or is above it: both depths limit its feet."""
+def test_plant_feet_any_walk_pushes_no_foot_below_the_depths_of_base_and_reference(
+    recorded, contacts, movable, move_root, is_lifted, rise
+):
+    """The motion sinks below its recording, or is above it; unmovable joints are kept."""
     ground = Ground.of(recorded)
     positions = recorded.positions.copy()
     positions[:, 0] += np.outer(np.sin(np.arange(120) / 10.0), rise * ground.height * ground.up)
     motion = replace(recorded, positions=positions)
-    contacts = np.zeros((120, 2, 2), bool) if contacts is None else contacts
-    still, _ = plant_feet(motion, contacts, movable_legs=movable, floor_reference=recorded)
-    assert_no_deeper(still, motion, ground)
-    excess = depths(still, ground) - np.maximum(depths(recorded, ground).max(axis=0), 0.0)
-    assert excess[:, [True, True] if movable is None else movable].max() <= 0.001 + 1e-6
+    heights = foot_heights(motion) if is_lifted else None
+    legs = {"movable_legs": movable, "move_root": move_root, "min_heights": heights}
+    for reference in (motion, recorded):
+        still, _ = plant_feet(motion, contacts, floor_reference=reference, **legs)
+        ground = Ground.of(reference)
+        assert_no_deeper(still, motion, ground)
+        kept = np.repeat(np.logical_not(movable), 3)
+        np.testing.assert_array_equal(
+            still.rotations[:, 1:7][:, kept], motion.rotations[:, 1:7][:, kept]
+        )
+        if not move_root:
+            np.testing.assert_array_equal(still.positions, motion.positions)
+    if contacts is not None and not is_lifted:
+        excess = depths(still, ground) - np.maximum(depths(recorded, ground).max(axis=0), 0.0)
+        assert excess[:, movable].max() <= 0.001 + 1e-6
 
 
 @given(SEEDS, st.integers(2, 40), st.floats(0.0, 3.0))
@@ -305,34 +285,6 @@ def test_limit_floor_speed_slow_shift_is_unchanged(seed, n, size):
     np.testing.assert_allclose(new @ up, shift @ up, atol=1e-12)
     if speeds(path + shift).max() <= speeds(path).max():
         np.testing.assert_array_equal(new, shift)
-
-
-@given(st.integers(3, 30), st.integers(3, 30), st.floats(0.01, 1.0))
-def test_limit_floor_speed_single_excess_is_split_between_neighbours(before, after, more):
-    """One step is at the limit and would become longer; its neighbours are shorter."""
-    steps = np.concatenate([np.ones(before), [3.0], np.ones(after)])
-    path = np.zeros((len(steps) + 1, 3))
-    path[1:, 0] = np.cumsum(steps)
-    shift = np.zeros_like(path)
-    shift[before + 1 :, 0] = more
-    new = limit_floor_speed(shift, path, np.array([0.0, 1.0, 0.0]))
-    assert np.diff((path + new)[:, 0]).max() <= 3.0 * (1 + 1e-12)
-    # Half on either side, plus the margin that ends the iteration.
-    assert np.abs(new - shift).max() <= 0.5 * more + 1e-3
-
-
-def test_plant_feet_move_root_false_keeps_positions(sample):
-    motion = sliding(sample.motion, [12.0, 0.0, 5.0])
-    still, report = plant_feet(motion, detect_contacts(sample.motion), move_root=False)
-    np.testing.assert_array_equal(still.positions, motion.positions)
-    assert report.unreached_frames > 0
-
-
-def test_plant_feet_movable_legs_bends_only_these(sample):
-    motion = sliding(sample.motion, [12.0, 0.0, 5.0])
-    still, _ = plant_feet(motion, movable_legs=[True, False])
-    np.testing.assert_array_equal(still.rotations[:, 4:], motion.rotations[:, 4:])
-    assert (still.rotations[:, 1:4] != motion.rotations[:, 1:4]).any()
 
 
 def test_plant_feet_without_contacts_returns_same_motion(sample):
@@ -441,17 +393,6 @@ def test_graft_without_substitution_keeps_feet_bit_for_bit(sample):
     np.testing.assert_array_equal(new.motion.channel_numbers(), motion.channel_numbers())
 
 
-def test_plant_feet_quadruped_uses_four_legs():
-    path = DATA / "synthetic_quadruped" / "quadruped_trot.bvh"
-    if not path.exists():
-        pytest.skip("the quadruped is not here")
-    motion = read_bvh(path)
-    assert len(find_legs(motion.skeleton)) == 4
-    _, report = plant_feet(motion)
-    assert report.skate_after <= report.skate_before
-    assert report.unreached_frames == 0
-
-
 @pytest.mark.filterwarnings("ignore")  # of faults in the recordings
 @pytest.mark.parametrize("name", DANCES)
 def test_graft_on_upper_body_of_recordings_plants_feet(name):
@@ -462,18 +403,8 @@ def test_graft_on_upper_body_of_recordings_plants_feet(name):
         graft(library.relabelled(Config(feet=feet, self_repair=False)))
         for feet in ("never", "auto")
     )
-    ground = Ground.of(tight.base)
-    assert_no_deeper(tight.motion, loose.motion, ground)
-    deepest = depths(tight.base, ground).max(axis=0)
-    for planted in (tight, graft(library)):
-        assert (depths(planted.motion, ground) <= deepest + 0.001 + 1e-6).all()
+    assert_no_deeper(tight.motion, loose.motion, Ground.of(tight.base))
     assert tight.feet.unreached_frames == 0
     assert tight.feet.skate_after < tight.feet.skate_before
     assert tight.feet.skate_after <= foot_skate(motion)
     assert foot_skate(tight.motion) <= foot_skate(motion)
-    root = Library.build(motion).root
-    speeds = [
-        np.linalg.norm(np.diff(m.world_positions()[:, root], axis=0), axis=1).max()
-        for m in (loose.motion, tight.motion)
-    ]
-    assert speeds[1] < 1.2 * speeds[0]

@@ -33,15 +33,9 @@ def test_close_join_last_frame_is_first_and_signs_continue(seed, n_frames, oppos
     assert_same_rotations(closed.rotations[-1], closed.rotations[0])
     assert (np.abs(closed.rotations[-1]) == np.abs(closed.rotations[0])).all()
     np.testing.assert_allclose(np.linalg.norm(closed.rotations, axis=-1), 1.0, atol=1e-12)
-
-
-@few_examples(40)
-@given(SEEDS, st.integers(30, 80), st.booleans())
-def test_close_join_keeps_full_turn_on_one_side_of_sphere(seed, n_frames, opposite):
-    """Else a writer or a player that interpolates would turn the long way round at the join."""
-    closed = close_join(open_loop(seed, n_frames, opposite=opposite), RATE, 0.2)
-    ends = (closed.rotations[-1] * closed.rotations[-2]).sum(axis=-1)
-    assert (ends > 0.0).all()
+    if n_frames >= 30:
+        # Else a writer or a player that interpolates would turn the long way round at the join.
+        assert ((closed.rotations[-1] * closed.rotations[-2]).sum(axis=-1) > 0.0).all()
 
 
 @few_examples(40)
@@ -54,8 +48,3 @@ def test_close_join_keeps_frames_farther_than_blend(seed, n_frames, blend):
     far = (far > RATE * blend) & (far < n_frames - 1 - RATE * blend) & (far != middle)
     np.testing.assert_allclose(closed.positions[far], part.positions[far], atol=1e-12)
     assert_same_rotations(closed.rotations[far], part.rotations[far], 1e-12)
-
-
-def test_close_join_without_translations_has_none():
-    part = open_loop(0, 40)
-    assert close_join(Part(JOINTS, part.rotations, None), RATE, 0.2).positions is None

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import Motion, Poses
@@ -165,30 +165,6 @@ def test_complete_reaches_hinge_keeps_its_bending_plane(seed, joint, hold):
     np.testing.assert_allclose(local_normals(result), local_normals(motion), atol=1e-9)
 
 
-@given(SEEDS, st.sampled_from(ENDS), st.sampled_from([0.0, 0.1]))
-@example(0, "LeftHand", 0.1)
-@few_examples(7)
-def test_complete_reaches_velocity_of_correction_is_continuous(seed, joint, hold):
-    coarse, fine = (largest_velocity_jump(rate, seed, joint, hold) for rate in (60, 480))
-    # A continuous velocity differs by 1/8 as much between frames that are 8 times denser.
-    assert fine < 0.4 * coarse
-
-
-def largest_velocity_jump(rate, seed, joint, hold):
-    """Largest change of the correction's angular velocity from one frame to the next."""
-    motion = waving(rate, seed)
-    reach, limb = waving_reach(motion, joint, hold)
-    task = limits(motion, distance=10.0, n_blend=round(0.3 * rate))
-    result, (found,) = complete_reaches(motion, [reach], task, Poses.from_motion(motion))
-    assert found.is_moved
-    joints = [limb.start, limb.middle]
-    change = rotations.multiply(
-        result.rotations[:, joints], rotations.inverse(motion.rotations[:, joints])
-    )
-    vectors = rotations.log(change)
-    return np.abs(np.diff(vectors, 2, axis=0)).max() * rate
-
-
 @given(
     n_blend=st.integers(2, 40),
     n=st.integers(1, 10),
@@ -227,18 +203,6 @@ def test_complete_reaches_adjacent_targets_of_one_hand_are_both_met():
     alone = [complete_reaches(MOTION, [own], limits(), POSES)[0] for own in reaches]
     changed = [changed_frames(MOTION, motion) for motion in alone]
     assert set(changed_frames(MOTION, result)) == set(np.concatenate(changed))
-
-
-def test_complete_reaches_both_hands_equals_one_after_the_other():
-    rng = np.random.default_rng(3)
-    left, right = (
-        Reach(joint, near_target(MOTION, joint, (90, 90), rng), 90)
-        for joint in ("LeftHand", "RightHand")
-    )
-    both, _ = complete_reaches(MOTION, [left, right], limits(), POSES)
-    first, _ = complete_reaches(MOTION, [left], limits(), POSES)
-    second, _ = complete_reaches(first, [right], limits(), POSES)
-    assert (both.rotations == second.rotations).all()
 
 
 def test_complete_reaches_names_the_reason_for_every_limb_left_alone():

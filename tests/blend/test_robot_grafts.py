@@ -88,22 +88,11 @@ def test_graft_robot_other_kinds_of_grafts_keep_hinges(model):
 
 def test_graft_robot_reach_brings_the_hand_near_the_target(model):
     """The hinges of a shoulder follow only nearly, so the hand is moved several times."""
-    free = [
-        replace(
-            clip,
-            skeleton=replace(
-                clip.skeleton,
-                hinges=replace(
-                    clip.skeleton.hinges,
-                    limits=np.tile([-3.0, 3.0], (len(clip.skeleton.hinges.names), 1)),
-                    speeds=np.full(len(clip.skeleton.hinges.names), 1e9),
-                ),
-            ),
-        )
-        for clip in model
-    ]
-    library = mg.Library.build(free)
-    hand = free[0].world_positions()[60, free[0].skeleton.index("left_wrist_yaw_link")]
+    skeleton, n = model[0].skeleton, len(model[0].skeleton.hinges.names)
+    wide, fast = np.tile([-3.0, 3.0], (n, 1)), np.full(n, 1e9)
+    skeleton = replace(skeleton, hinges=replace(skeleton.hinges, limits=wide, speeds=fast))
+    library = mg.Library.build([replace(clip, skeleton=skeleton) for clip in model])
+    hand = model[0].world_positions()[60, skeleton.index("left_wrist_yaw_link")]
     target = tuple(hand + np.array([0.04, 0.0, 0.04]))
     reach = constraints.Reach("left_wrist_yaw_link", target, frames=(60, 60))
     (found,) = mg.graft(library, constraints=[reach], seed=1).reach_completions
@@ -182,13 +171,10 @@ def test_graft_g1_is_no_rougher_at_seams_than_the_recordings(family):
     recorded = [mg.read(file, skeleton=skeleton)[0] for file in files]
     of_recordings = np.concatenate(list(map(accelerations, recorded)))
     limit = 1.3 * np.percentile(of_recordings, 95)
-    excess = max(np.abs(hinges.excess(hinges.angles(own.rotations))).max() for own in recorded)
     for graft in mg.graft_many(library, count=10, seed=3):
         check(graft, legs(skeleton))
-        angles = hinges.angles(graft.motion.rotations)
-        assert np.abs(hinges.excess(angles)).max() <= excess + 1e-12
         frames = np.unique([own.frame for own in graft.seams])
-        near = np.unique((frames[:, None] + np.arange(-4, 3)).clip(0, len(angles) - 3))
+        near = np.unique((frames[:, None] + np.arange(-4, 3)).clip(0, graft.motion.n_frames - 3))
         found.append(accelerations(graft.motion)[near])
         assert np.percentile(found[-1], 95) <= limit
     # Also each joint for itself: the waist, too, whose hinges carry the trunk upright.

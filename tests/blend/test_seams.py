@@ -7,13 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mograft import _core  # noqa: TID251 - the kernel by itself
 from mograft.blend.donor_timeline import DonorTimeline
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import ROTATIONS, TRANSLATIONS, PieceTimes, SeamBoundaries
 from mograft.motion import rotations
 from tests.blend.continuity import close_at, jumps, random_layout
-from tests.oracles import seams as oracle
 from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, smooth_rotations, tile_segments
 
 NAMES = tuple(SEAM_TREATMENTS)
@@ -62,25 +60,6 @@ def test_close_pieces_that_already_meet_are_unchanged(seed, seam):
     values = smooth_rotations(rng, 4, 3)
     closed = SEAM_TREATMENTS[seam].close(values, times, boundaries)
     np.testing.assert_array_equal(closed, values)
-
-
-@few_examples(20)
-@given(SEGMENT_LENGTHS, SEEDS, st.floats(0.05, 1.0))
-def test_add_offsets_agrees_with_numpy(lengths, seed, blend):
-    layout, rng = random_layout(lengths, seed, seam="offset"), np.random.default_rng(seed)
-    timeline, seams = layout.timeline, np.flatnonzero(layout.seams)
-    times = timeline.piece_times(seams, timeline.frame_times(), blend)
-    before, after = rng.normal(size=(2, 2, len(seams), 3, 3))
-    rows = timeline.sample(ROTATIONS, layout.rotations, timeline.frame_times())
-    for space, values in ((ROTATIONS, rows), (TRANSLATIONS, rotations.log(rows))):
-        found = _core.add_offsets(
-            values,
-            (times.piece, times.seconds, times.seconds_left, times.windows),
-            (before[0], before[1]),
-            (after[0], after[1]),
-        )
-        wanted = oracle.add_offsets(space, values, times, before, after)
-        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-13)
 
 
 @given(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=20), st.sampled_from(NAMES))

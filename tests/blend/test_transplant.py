@@ -1,6 +1,5 @@
 """Transplant and recombination: kept numbers, oracles, windows, trunk orientation."""
 
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import Config
-from mograft.blend import donor_timeline
-from mograft.blend.donor_timeline import DonorTimeline
 from mograft.blend.recombine import recombine
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.transplant import GraftedGroup, transplant
-from mograft.blend.trunk_lean import TrunkLean
 from mograft.motion import rotations
 from tests.oracles import blend as oracle
 from tests.strategies import (
@@ -131,34 +127,14 @@ def test_transplant_rotations_match_oracle(lengths, seed, config):
     assert_same_rotations(part.rotations, expected, 1e-7 if config.seam == "offset" else 1e-9)
 
 
-@few_examples(20)
-@given(SEGMENT_LENGTHS, SEEDS)
-def test_displacement_closes_every_gap_half_way(lengths, seed):
-    config = Config(seam="displacement", torso="pelvis")
-    base, cut, chosen, part = random_graft(lengths, seed, config, moving=(1,))
-    donors = cut[chosen]
-    for i in np.flatnonzero(np.isin(cut.stop[:-1], part.seams)):
-        before = base.rotations[donors.stop[i]][JOINTS]
-        after = base.rotations[donors.start[i + 1]][JOINTS]
-        at = part.rotations[cut.stop[i]]
-        gaps = rotations.angle(before, after)
-        np.testing.assert_allclose(rotations.angle(before, at), gaps / 2, atol=1e-9)
-        np.testing.assert_allclose(rotations.angle(at, after), gaps / 2, atol=1e-9)
-        places = base.positions[[donors.stop[i], donors.start[i + 1]]][:, 1]
-        np.testing.assert_allclose(part.positions[cut.stop[i], 0], places.mean(axis=0), atol=1e-9)
-
-
 @few_examples(40)
 @given(SEGMENT_LENGTHS, SEEDS)
 def test_transplant_constant_translations_keep_bone_lengths_of_base(lengths, seed):
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     base = random_star_clip(rng, cut)
-    grown = replace(
-        random_star_clip(rng, cut),
-        skeleton=base.skeleton.with_offsets(base.skeleton.offsets * 2),
-        positions=base.positions * 2,
-    )
+    skeleton = base.skeleton.with_offsets(base.skeleton.offsets * 2)
+    grown = replace(random_star_clip(rng, cut), skeleton=skeleton, positions=base.positions * 2)
     donors = replace(cut, clip=np.ones(len(cut), int))
     part = transplant(base, cut, donors, [base, grown], GROUP, Config())
     assert part.positions is None  # those of the base
@@ -187,9 +163,6 @@ def test_recombine_without_channel_values_has_none():
     new = recombine(base, [part], "new")
     assert new.channel_values is None
     assert np.isfinite(new.channel_numbers()).all()
-    assert new.name == "new"
-    with pytest.raises(ValueError, match="read-only"):
-        new.rotations[0] = 0
 
 
 UPPER = GraftedGroup(np.arange(7, 18))  # the chest and all joints below it
@@ -227,15 +200,12 @@ def with_hip_axes(motion, turn):
 
 
 @few_examples(20)
-@given(SEEDS, SEEDS, st.permutations([0, 1, 2]), st.tuples(*[st.sampled_from([-1.0, 1.0])] * 3))
-def test_transplant_torso_world_is_independent_of_hip_axes(a, b, order, signs):
+@given(SEEDS, SEEDS, st.lists(st.integers(0, 2), max_size=3))
+def test_transplant_torso_world_is_independent_of_hip_axes(a, b, quarter_turns):
     """The hips may have any coordinate axis up at rest."""
-    axes = np.eye(3)[order] * signs
-    axes[2] *= np.linalg.det(axes)
-    turn = rotations.shortest_arc(np.eye(3)[0], axes[0])
-    second = rotations.rotate(turn, np.eye(3)[1])
-    angle = np.arctan2(np.cross(second, axes[1]) @ axes[0], second @ axes[1])
-    turn = rotations.multiply(rotations.from_axis_angle(axes[0], np.array(angle)), turn)
+    turn = rotations.IDENTITY
+    for axis in quarter_turns:
+        turn = rotations.multiply(rotations.from_axis_angle(np.eye(3)[axis], np.pi / 2), turn)
     base, donor = person(a), person(b)
     cut = tile_segments(np.array([39]))
     config = Config(torso="world")
@@ -316,36 +286,3 @@ def test_transplant_any_number_of_joints_at_a_time_gives_same_bits(
     assert (found.positions is None) == (expected.positions is None)
     if expected.positions is not None:
         np.testing.assert_array_equal(found.positions, expected.positions)
-
-
-@few_examples(40)
-@given(SEGMENT_LENGTHS, SEEDS, CONFIGS, st.sampled_from([0, 60, 300, 1 << 21]))
-def test_transplant_with_known_rotations_of_donors_gives_same_bits(lengths, seed, config, limit):
-    rng, cut = np.random.default_rng(seed), tile_segments(lengths)
-    clips = [random_star_clip(rng, cut), random_star_clip(rng, cut)]
-    clips[1] = replace(clips[1], skeleton=clips[0].skeleton, channel_values=None)
-    lean = TrunkLean.from_config(clips[0], JOINTS, GROUP.up, config)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(donor_timeline, "_MAX_KNOWN_VALUES", limit)
-        for _ in range(4):
-            chosen, clip = rng.integers(0, len(cut), len(cut)), rng.integers(0, 2, len(cut))
-            own = clips[0], cut, replace(cut[chosen], clip=clip), clips, GROUP, config
-            known, expected = transplant(*own, lean), transplant(*own)
-            assert known.rotations.tobytes() == expected.rotations.tobytes()
-            np.testing.assert_array_equal(known.seams, expected.seams)
-
-
-def test_transplant_samples_donors_once_and_does_not_pickle_them(monkeypatch):
-    base, cut, chosen, _ = random_graft(np.array([5, 9, 7, 6]), 3, Config())
-    lean = TrunkLean.from_config(base, JOINTS, GROUP.up, Config())
-    empty, sampled, sample = len(pickle.dumps(lean)), [], DonorTimeline.sample
-
-    def count(timeline, space, tracks, times):
-        sampled.append(len(times.frames))
-        return sample(timeline, space, tracks, times)
-
-    monkeypatch.setattr(DonorTimeline, "sample", count)
-    for _ in range(3):
-        transplant(base, cut, cut[chosen], [base], GROUP, Config(), lean)
-    assert sampled == [len(cut) + cut.stop[-1]]
-    assert len(pickle.dumps(lean)) == empty

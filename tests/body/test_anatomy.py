@@ -259,35 +259,6 @@ def test_anatomy_named_legs_or_arms_complete_the_other_pair(mirror):
     assert found.sides == anatomy(human()).sides
 
 
-def test_anatomy_unknown_names_long_clavicles_and_roll_joints():
-    skeleton, _ = skeleton_from_text(
-        "Hips {LeftUpLeg > LeftUpLegRoll > LeftLeg > LeftLegRoll > LeftFoot"
-        " | RightUpLeg > RightUpLegRoll > RightLeg > RightLegRoll > RightFoot"
-        " | Spine {Head | LeftShoulder > LeftArm > LeftForeArm > LeftHand"
-        " | RightShoulder > RightArm > RightForeArm > RightHand}}"
-    )
-    leg = [(0, 0, 0), (0, -40, 0), (0, 0, 0), (0, -40, 0)]
-    arm = [(2, 0, 0), (22, 0, 0), (28, 0, 0), (21, 0, 0)]
-    right = [(-x, y, z) for x, y, z in arm]
-    offsets = [(0, 0, 0), (9, 0, 0), *leg, (-9, 0, 0), *leg, (0, 50, 0), (0, 9, 0), *arm, *right]
-    skeleton = skeleton.with_offsets(offsets)
-    unnamed = without_names(skeleton)
-    assert anatomy(unnamed).parts == anatomy(skeleton).parts
-
-
-def test_anatomy_short_mirrored_pairs_are_not_limbs():
-    skeleton, _ = skeleton_from_text("a {b | c | d}")
-    body = human()
-    shift = skeleton.n_joints
-    joined = Skeleton(
-        [f"j{joint}" for joint in range(shift + body.n_joints)],
-        [*skeleton.parents, 0, *(int(parent) + shift for parent in body.parents[1:])],
-        [(0, 0, 0), (7, 0, 0), (-7, 0, 0), (0, 0, 3), *body.offsets],
-    )
-    assert anatomy(joined).hips == shift
-    assert anatomy(joined).parts[shift:] == anatomy(body).parts
-
-
 @given(st.data())
 def test_anatomy_ignores_joint_order(data):
     unnamed = without_names(human())
@@ -319,22 +290,19 @@ def test_anatomy_numbered_names_are_not_vertebrae():
     assert anatomy(skeleton).unmatched == tuple(range(skeleton.n_joints))
 
 
-def test_feature_joints_exclude_fingers_and_toes():
-    skeleton, parts, _ = scheme("dfki")
+@pytest.mark.parametrize(
+    ("name", "excluded"),
+    [
+        ("dfki", "toe|index|[eE]nd_"),
+        ("mass", "RIGMESH|Toe"),
+        ("daz", "Toe|Metatarsal|Carpal|Ring|Jaw|tongue|Nose|Ear|Nasolabial|Pectoral"),
+    ],
+)
+def test_feature_joints_exclude_fingers_toes_faces_and_markers(name, excluded):
+    skeleton, _, _ = scheme(name)
     joints = feature_joints(skeleton, range(skeleton.n_joints))
-    names = [skeleton.names[joint] for joint in joints]
-    assert not [name for name in names if re.search("toe|index|[eE]nd", name)]
-    assert {"head_jnt", "L_hand_jnt", "R_foot_jnt"} <= set(names)
-    assert len(parts) > len(names)
-
-
-def test_feature_joints_exclude_markers_and_face():
-    skeleton, _, _ = scheme("mass")
-    joints = feature_joints(skeleton, range(skeleton.n_joints))
-    assert not [skeleton.names[j] for j in joints if skeleton.names[j].endswith("RIGMESH")]
-    skeleton, _, _ = scheme("daz")
-    joints = feature_joints(skeleton, range(skeleton.n_joints))
-    assert [skeleton.names[j] for j in joints if anatomy(skeleton).parts[j] == "head"] == ["head"]
+    names = [own for own in skeleton.names if not re.search(excluded, own)]
+    assert [skeleton.names[joint] for joint in joints] == names
 
 
 def test_feature_joints_of_fingers_alone_keep_them():

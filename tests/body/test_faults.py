@@ -2,7 +2,6 @@
 
 import csv
 import io
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -108,25 +107,6 @@ def test_find_faults_jump_is_teleport_and_displaced_frame_glitch(motion, frame, 
         assert fault_list(replace(motion, positions=positions)) == [fault]
 
 
-@given(figures, frames, st.floats(0.3, 9.0))
-def test_find_faults_message_compares_a_jump_with_most_steps(motion, frame, distance):
-    positions = motion.positions.copy()
-    positions[frame:, 0, 0] += distance * np.ptp(motion.world_positions()[0], axis=0).max()
-    moved = replace(motion, positions=positions)
-    (fault,) = mg.find_faults(moved)
-    world = moved.world_positions()
-    height = np.median(np.ptp(world, axis=1).max(axis=-1))
-    steps = 100.0 / height * np.linalg.norm(np.diff(world, axis=0), axis=-1).mean(axis=-1)
-    low, high = np.percentile(steps, (5, 95))
-    found = re.fullmatch(
-        r"joints jump by (\d+) % of the figure height \(above (.*) to (.*) of the recording\)",
-        fault.message,
-    )
-    numbers = [float(number) for number in found.groups()]
-    assert numbers == pytest.approx([steps[frame - 1], low, high], abs=0.51)
-    assert numbers[1:] == pytest.approx([low, high], abs=0.051)
-
-
 @given(figures, frames, st.sampled_from([3, 4, 6]), st.floats(50.0, 178.0))
 def test_find_faults_rotated_frame_is_glitch_and_rotation_step_flip(motion, frame, joint, degrees):
     for axis, stop, angle, fault in (
@@ -192,11 +172,6 @@ def test_find_faults_implausible_frame_time(frame_time, message):
     assert (fault.kind, fault.frames, fault.message) == ("frame_time", (0, N_FRAMES - 1), message)
 
 
-@pytest.mark.parametrize("n_frames", [1, 2, 3])
-def test_find_faults_few_frames_are_accepted(n_frames):
-    assert fault_list(swaying_figure()[:n_frames]) == []
-
-
 def test_find_faults_figure_without_height_is_accepted():
     skeleton = mg.Skeleton(("point",), np.array([-1]), np.zeros((1, 3)))
     positions = np.arange(30.0).reshape(10, 1, 3) ** 5
@@ -211,15 +186,6 @@ def test_find_faults_arbitrary_motion_does_not_fail(clip):
     for fault in mg.find_faults(motion):
         assert fault.kind in KINDS
         assert 0 <= fault.frames[0] <= fault.frames[1] < motion.n_frames
-
-
-def test_find_faults_huge_positions_raise_no_warning():
-    motion = swaying_figure()
-    positions = motion.positions.copy()
-    positions[20, 0], positions[21, 0] = 1e100, -1e100
-    assert {fault.kind for fault in mg.find_faults(replace(motion, positions=positions))} <= {
-        *KINDS
-    }
 
 
 # Recordings. The column first_jump of the list of files was measured by another program.

@@ -54,24 +54,15 @@ def test_match_joints_is_symmetric_and_keeps_ancestry(name, other):
     match = match_joints(first, second)
     found = pairs(first, second)
     assert found == {own: theirs for theirs, own in pairs(second, first).items()}
+    if name == other:  # CMU: base joints of fingers of no named kind
+        assert len(found) >= first.n_joints - 2
+        assert all(own == theirs for own, theirs in found.items())
     assert {*match.absent} == {*first.names} - {*found}
     assert {*match.dropped} == {*second.names} - {*found.values()}
     for joint, source in enumerate(match.sources.tolist()):
         for above in first.ancestors(joint):
             if source >= 0 and match.sources[above] >= 0:
                 assert match.sources[above] in second.ancestors(source)
-
-
-@pytest.mark.parametrize("name", SKELETONS_BY_NAME)
-def test_match_joints_of_itself_is_the_identity(name):
-    skeleton = SKELETONS_BY_NAME[name]
-    renamed = mg.Skeleton(
-        [f"ns:{joint}" for joint in skeleton.names], skeleton.parents, skeleton.offsets
-    )
-    match = match_joints(skeleton, renamed)
-    matched = np.flatnonzero(match.sources >= 0)
-    np.testing.assert_array_equal(match.sources[matched], matched)
-    assert len(matched) >= skeleton.n_joints - 2  # CMU: base joints of fingers of no named kind
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 
-from mograft import Config, JointGroups, Library, graft, kinetic_energy, mirror, read_bvh
+from mograft import Config, JointGroups, Library, graft, mirror, read_bvh
 from mograft.body.mass import mass_model
 from mograft.body.mirroring import partners
 from mograft.dancer import dance
@@ -77,12 +77,6 @@ def test_mirror_ignores_local_axes(seed):
     assert_same_rotations(mirror(image).rotations, other.rotations, 1e-9)
 
 
-@given(SEEDS)
-def test_mirror_keeps_kinetic_energy(seed):
-    motion = person(seed, 12)
-    np.testing.assert_allclose(kinetic_energy(mirror(motion)), kinetic_energy(motion), rtol=1e-9)
-
-
 # Recordings of a face, with joints that have no partner, or with an asymmetric rest pose.
 ASYMMETRIC = ("face-poseunits", "rotation_first_root", "backflip")
 
@@ -124,13 +118,6 @@ def test_mirrored_library_doubles_segments(motion):
     np.testing.assert_array_equal(doubled.segments.start[n:], library.segments.start)
     assert doubled.entries[2].name == f"{library.entries[0].name}_mirrored"
     assert_same_rotations(doubled.clips[3].rotations, mirror(library.clips[1]).rotations)
-    # The mirrored library of the images has the same distances between segments.
-    image = Library.build([mirror(clip) for clip in library.clips]).with_mirror_images()
-    for group in ("lower", "upper"):
-        points, other = (one.embedding[group].points for one in (doubled, image))
-        other = np.concatenate([other[n:], other[:n]])
-        gaps = [np.linalg.norm(p[:, None] - p[None], axis=-1) for p in (points, other)]
-        np.testing.assert_allclose(*gaps, atol=1e-3)
 
 
 def test_mirrored_library_donors_are_used(motion):
@@ -143,15 +130,6 @@ def test_mirrored_library_donors_are_used(motion):
     # A graft on the image takes its donors from the motion and from the image.
     image_graft = graft(library, library.entries[1].name, seed=1)
     assert {s.clip for s in image_graft.substitutions} <= {entry.name for entry in library.entries}
-
-
-def test_mirrored_library_saves_and_opens(motion, tmp_path):
-    library = Library.build(motion[:200], mirrored=True)
-    library.save(tmp_path / "twice.mograft")
-    opened = Library.open(tmp_path / "twice.mograft")
-    np.testing.assert_array_equal(opened.labels["lower"], library.labels["lower"])
-    np.testing.assert_allclose(opened.clips[1].rotations, library.clips[1].rotations, atol=1e-12)
-    assert len(opened.with_mirror_images().segments) == 2 * len(library.segments)
 
 
 def test_mirror_asymmetric_skeleton_raises_value_error():

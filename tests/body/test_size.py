@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft.body.size import describe_sizes, figure_size, resize
+from mograft.body.size import describe_sizes
 from mograft.dancer import dance
 from mograft.scenario.scenario import Scenario, realize_scenario
 from tests.strategies import few_examples, transform_motion
@@ -71,23 +71,6 @@ def test_scenario_clips_in_other_units_has_the_size_of_the_first(plain, factors,
     library = mg.Library.build(mixed, library.groups)
     found, _ = realize_scenario(library, Scenario(segments))
     assert (found.positions == factors[first] * expected.positions).all()
-
-
-def test_graft_with_a_root_from_another_unit_stays_in_the_range_of_the_base(plain):
-    clips = plain["upper"].clips
-    with pytest.warns(UserWarning, match=r"not as long as the median: clip1 \(17.2 times\)"):
-        library = mg.Library.build(
-            [clips[0], transform_motion(clips[1], 17.2)], plain["upper"].groups
-        )
-    heights = mg.graft(library, "clip0").motion.positions[:, 0, 1]
-    assert np.ptp(heights) < 3 * np.ptp(clips[0].positions[:, 0, 1])
-
-
-def test_resize_motion_of_equal_size_returns_it(plain):
-    clip = plain["lower"].clips[0]
-    assert resize(clip, clip.skeleton) is clip
-    larger = resize(clip, transform_motion(clip, 3.0).skeleton)
-    assert figure_size(larger.skeleton) == pytest.approx(3 * figure_size(clip.skeleton))
 
 
 @given(st.lists(st.sampled_from([0.01, 0.3, 0.9, 1.0, 1.2, 3.0, 17.2]), min_size=1, max_size=6))

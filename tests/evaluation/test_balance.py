@@ -20,7 +20,6 @@ from mograft.evaluation.balance import (
     dynamic_balance,
     static_balance,
 )
-from tests.hierarchies import recording
 from tests.strategies import transform_motion
 
 DANCE = dance(seed=3, strides=1).motion[:400]
@@ -157,11 +156,3 @@ def test_balance_row_random_balances_equals_counted_rates():
     assert row.rate.n == after.size
     assert row.difference_changed.n == is_changed.sum()
     assert row.runs == 3
-
-
-def test_static_balance_quadruped_uses_rods_and_four_legs():
-    quadruped = recording("synthetic_quadruped/quadruped_trot")
-    found = static_balance(quadruped)
-    assert found.model == "rods"
-    assert found.grounded.any()
-    assert support_polygons(quadruped).touching.shape[1] == 4

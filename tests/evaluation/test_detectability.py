@@ -120,23 +120,6 @@ def test_tested_windows_share_no_block_with_trained_ones(grafts, monkeypatch):
         assert trained.isdisjoint(used)
 
 
-@pytest.mark.parametrize("place", ["seams", "between seams"])
-def test_windows_of_no_graft_or_of_donors_in_short_clips_are_empty(grafts, monkeypatch, place):
-    windows = GraftWindows.of(grafts[0], place, 100, np.random.default_rng(0))
-    full = windows.donor_pairs()
-    assert len(full.new) > 0
-    none = np.zeros(0, np.int64)
-    nothing = replace(windows, graft=none, center=none)
-    found = [nothing.pairs(), nothing.donor_pairs()]
-    # Windows that are longer than each clip of the donors.
-    monkeypatch.setattr("mograft.evaluation.windows.window_reach", lambda *_: 10**6)
-    found.append(windows.donor_pairs())
-    for pairs in found:
-        assert len(pairs.base) == len(pairs.new) == len(pairs.row) == len(pairs.blocks_used) == 0
-        for own, other in zip(pairs.new.blocks, full.new.blocks, strict=True):
-            assert own.shape == (0, other.shape[1])
-
-
 def test_tested_windows_have_weight_of_captured_window_at_same_frame(grafts):
     flat = [graft for several in grafts for graft in several]
     windows = GraftWindows.of(flat, "seams", 10_000, np.random.default_rng(0))

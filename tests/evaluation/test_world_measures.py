@@ -16,15 +16,7 @@ from mograft.body.contacts import Ground
 from mograft.body.contacts import skating_share as foot_skate
 from mograft.evaluation import grafts_by
 from mograft.evaluation.balance import dynamic_balance
-from mograft.evaluation.body_tracks import (
-    BodyTracks,
-    FrameBlocks,
-    Origin,
-    bone_ends,
-    driving_group,
-    jerk,
-    landmarks,
-)
+from mograft.evaluation.body_tracks import BodyTracks, FrameBlocks, bone_ends, jerk, landmarks
 from mograft.evaluation.world_measures import UNDER_FLOOR, world_measures, world_quality
 from tests.evaluation.planted import add_jitter
 from tests.hierarchies import human
@@ -187,27 +179,6 @@ def test_world_measures_balance_equals_shares_of_frames(fixture, request):
     shares = [(balance.distance[used] > 0).mean() for balance in (after, before)]
     assert found.balance == pytest.approx(shares[0] - shares[1])
     assert found.frames == is_exchanged.sum()
-
-
-def test_driving_group_is_that_of_nearest_joint_above(library, new, leg_graft):
-    skeleton = library.skeleton
-    assert driving_group(new, landmarks(skeleton)["head"]) == "upper"
-    assert driving_group(leg_graft, landmarks(skeleton)["head"]) == "lower"
-    assert driving_group(new, [skeleton.index("LeftFoot")]) is None
-
-
-def test_origin_frames_are_those_of_donors(library, new):
-    blocks = FrameBlocks.of(library)
-    origin = Origin.of(new, "upper", blocks)
-    names = [entry.name for entry in library.entries]
-    for s in new.substitutions:
-        middle = (s.start + s.stop) // 2
-        clip, frame = blocks.clip_of(origin.frames[[middle]])
-        assert names[clip[0]] == s.clip
-        assert s.donor_start <= frame[0] <= s.donor_stop
-        assert origin.is_exchanged[middle] == (not s.is_own)
-        if s.is_own:
-            assert frame[0] == middle
 
 
 @given(st.lists(st.integers(1, 2000), min_size=1, max_size=4), st.sampled_from([24.0, 30.0, 120.0]))

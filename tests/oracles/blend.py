@@ -144,9 +144,9 @@ def fade_velocities(velocities, lengths, seams, seam, window):
             continue
         for frame in range(middle, stop):
             x = max(1 - (frame + 0.5 - middle) / min(window, stop - middle), 0)
-            x = x / 2 if seam == "offset" else x
+            x = x if seam == "inertial" else x / 2
             faded[frame] += (3 * x**2 - 2 * x**3) * (velocities[middle - 1] - velocities[frame])
-        for frame in range(start, middle if seam == "offset" else start):
+        for frame in range(start, start if seam == "inertial" else middle):
             x = max(1 - (middle - frame - 0.5) / min(window, middle - start), 0) / 2
             faded[frame] += (3 * x**2 - 2 * x**3) * (velocities[middle] - velocities[frame])
     return faded

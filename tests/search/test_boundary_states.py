@@ -6,7 +6,6 @@ import numpy as np
 from hypothesis import given
 
 from mograft.search.boundary_states import (
-    BoundaryStates,
     pose_gaps,
     pose_gaps_along,
     velocity_gaps,
@@ -44,11 +43,3 @@ def test_gaps_along_are_bit_for_bit_those_of_neighbouring_positions(make_pool, s
         expected = [gaps(ends[left], starts[right]).ravel() for left, right in pairs]
         found = along(ends, starts, np.concatenate(lists), counts)
         np.testing.assert_array_equal(found, np.concatenate(expected))
-
-
-def test_boundary_states_concatenate_restores_slices(make_pool):
-    boundary = make_pool(1).boundary
-    whole = BoundaryStates.concatenate([boundary[:5], boundary[np.arange(5, 12)]])
-    assert len(whole) == len(boundary) == 12
-    for name in ("first", "last", "first_velocity", "last_velocity"):
-        np.testing.assert_array_equal(getattr(whole, name), getattr(boundary, name))

@@ -95,22 +95,3 @@ def test_use_of_a_copy_is_kept_and_candidates_refuse_it_with_its_reason():
     (refused,) = (own for own in found.refused if own.segment == twin)
     assert refused.refused == "copy: it moves the group as the base segment does"
     assert twin not in [own.segment for own in found.allowed]
-
-
-def test_stream_over_a_clip_of_its_library_takes_nothing_from_it():
-    take = dance(seed=2, strides=1).motion
-    library = mg.Library.build([take, replace(take, name="copy")])
-    stream = mg.Stream(library)
-    stream.push(take[:600])
-    upper, copies = library.joints("upper"), []
-    for made in stream.pieces():
-        (own,) = made.substitutions
-        if own.is_own or own.donor_stop - own.donor_start != own.stop - own.start:
-            continue
-        donor = library.clips[library.names.index(own.clip)]
-        theirs = donor.rotations[own.donor_start : own.donor_stop + 1, upper]
-        cosines = (theirs * take.rotations[own.start : own.stop + 1, upper]).sum(-1)
-        angles = 2 * np.arccos(np.abs(cosines).clip(0, 1))
-        copies.append(bool((angles <= COPY_ANGLE).all()))
-    assert len(copies) > 5
-    assert not any(copies)

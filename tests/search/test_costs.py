@@ -88,13 +88,6 @@ def test_keep_cheapest_of_each_is_keep_cheapest_at_each_position(seed, counts, f
         np.testing.assert_array_equal(model.keep_cheapest(own, is_base, factor), order)
 
 
-@given(st.floats(1e-3, 10.0), st.floats(1e-3, 10.0))
-def test_seam_scales_follow_the_typical_gaps_up_to_the_configured_scales(angle, velocity):
-    scales = SeamScales.from_typical_gaps(angle, velocity, ROBUST)
-    assert scales.angle == min(ROBUST.angle_scale, angle / 2)
-    assert scales.velocity == min(ROBUST.velocity_scale, 2 * velocity)
-
-
 @given(st.floats(1e-6, 1.0), st.floats(0.0, 0.5), st.floats(0.0, 1e3))
 def test_two_seams_within_the_limits_cost_less_than_half_a_violated_limit(scale, angle, velocity):
     model = CostModel(Config(max_angle=0.5), SeamScales(scale, scale))

@@ -201,16 +201,6 @@ def test_draw_uniform_matches_the_oracle(make_pool, seed):
     np.testing.assert_array_equal(donors, expected)
 
 
-def test_draw_uniform_without_any_seam_within_the_limit_takes_the_narrowest(make_pool):
-    pool = make_pool(5)
-    config = Config(max_angle=1e-9)
-    lists = [np.array([0, 1]), np.array([7, 9])]
-    kept, angles = prune_dead_ends(pool, lists, config)
-    donors = draw_uniform(kept, angles, config, np.random.default_rng(1))
-    gaps = pool.seam_angles(donors[:1], lists[1])[0]
-    assert donors[1] == lists[1][gaps.argmin()]
-
-
 def test_cheapest_combinations_are_in_order_of_total_cost():
     costs = [[0.0, 1.0, 4.0], [0.0, 2.0]]
     assert cheapest_combinations(costs, 4) == [(0, 0), (1, 0), (0, 1), (1, 1)]

@@ -16,8 +16,6 @@ from mograft.body.mass import mass_model
 from mograft.dancer import dance
 from mograft.search.pose_constraints import anchor_reaches
 from mograft.synthesis.graft import kept_violations
-from mograft.viewing.encoding import encode_objects
-from mograft.viewing.figure import ShownConstraint
 from tests.hierarchies import skeleton_from_text
 from tests.strategies import few_examples, transform_motion
 
@@ -131,13 +129,6 @@ def test_find_joint_of_other_names_is_the_same_body_part():
                 mg.JointGroups({"lower": ["*"], "upper": [words]}).resolve(own)
 
 
-@given(st.sampled_from(MOTION.skeleton.names))
-def test_find_joint_existing_name_is_that_joint(name):
-    index = MOTION.skeleton.names.index(name)
-    assert find_joint(MOTION.skeleton, name) == index
-    assert find_joint(MOTION.skeleton, name, is_part=True) == index
-
-
 TRUNKS = ("Spine > Spine1 > Spine2", "Spine > Chest", "Torso", "spine_01 > spine_02", "J_L3 > J_T8")
 
 
@@ -148,13 +139,6 @@ def test_find_joint_chest_is_the_top_of_the_trunk(trunk):
     text = f"Hips {{{trunk} {{Neck > Head | {' | '.join(limbs)}}} | {' | '.join(legs)}}}"
     skeleton, _ = skeleton_from_text(text)
     assert skeleton.names[find_joint(skeleton, "chest", is_part=True)] == trunk.split()[-1]
-
-
-def test_figure_position_target_is_drawn_where_it_is_in_the_first_frame():
-    reach = mc.Reach("LeftHand", mc.FigurePosition("chest", (0.1, 0.0, 0.3)), frames=(40, 60))
-    (shown,) = encode_objects([ShownConstraint(reach, MOTION)])
-    assert_allclose(shown["center"], located(MOTION, "chest", (0.1, 0.0, 0.3))[40], atol=0.01)
-    assert (shown["kind"], shown["frames"], shown["label"][:8]) == ("target", [40, 60], "LeftHand")
 
 
 def test_kept_violations_ignore_targets_that_donors_may_move():

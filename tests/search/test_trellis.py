@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mograft import Config
 from mograft.search.costs import INFEASIBLE_PENALTY
 from mograft.search.donor_choice import cost_model
-from mograft.search.trellis import DonorTrellis, viterbi
+from mograft.search.trellis import DonorTrellis
 from tests.oracles import balance as balance_oracle
 from tests.oracles import search as oracle
 from tests.strategies import SEEDS, few_examples
@@ -66,15 +66,6 @@ def test_trellis_costs_match_the_formula_and_keep_the_cheapest(make_pool, seed, 
                 assert costs[a, b] == pytest.approx(expected, abs=1e-9)
 
 
-@given(SEEDS, st.integers(0, 2**32 - 1))
-def test_added_imbalances_do_not_depend_on_earlier_calls(make_pool, seed, draw):
-    pool, rng = make_pool(seed, n_labels=1), np.random.default_rng(draw)
-    calls = [rng.integers(0, len(pool.segments), (2, n)) for n in rng.integers(1, 30, 4)]
-    for base, donors in [*calls, *calls]:
-        fresh = replace(pool).added_imbalances(base, donors)
-        np.testing.assert_array_equal(pool.added_imbalances(base, donors), fresh)
-
-
 @given(SEEDS, st.integers(0, 2**32 - 1), st.integers(1, 5))
 def test_added_imbalances_of_runs_of_base_segments_match_the_formula(make_pool, seed, draw, size):
     pool, rng = make_pool(seed, n_labels=1), np.random.default_rng(draw)
@@ -91,26 +82,3 @@ def test_added_imbalances_of_runs_of_base_segments_match_the_formula(make_pool, 
         found = pool.added_imbalances(base, donors)
     np.testing.assert_allclose(found, expected, atol=1e-11)
     np.testing.assert_array_equal(found, replace(pool).added_imbalances(base, donors))
-
-
-@given(SEEDS)
-def test_donor_sequence_and_path_are_inverse(make_pool, seed):
-    trellis = build(make_pool(seed), Config(max_stretch=2.0))
-    path = viterbi(trellis.costs)
-    np.testing.assert_array_equal(trellis.path(trellis.donor_sequence(path)), path)
-
-
-@given(SEEDS)
-def test_cheapest_sequence_by_similarity_takes_the_nearest_other_segment(make_pool, seed):
-    pool = make_pool(seed, n_labels=4)
-    config = Config(choice="nearest", max_stretch=2.0, max_angle=np.pi)
-    trellis = build(pool, config)
-    lists = pool.candidate_lists(trellis.scenario, config)
-    donors = trellis.donor_sequence(viterbi(trellis.costs))
-    for i, (candidates, donor) in enumerate(zip(lists, donors, strict=True)):
-        others = candidates[candidates != i]
-        if len(others):
-            distances = np.linalg.norm(pool.points[others] - pool.points[i], axis=1)
-            assert donor == others[distances.argmin()]
-        else:
-            assert donor == i

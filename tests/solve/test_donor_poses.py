@@ -7,17 +7,8 @@ import mograft as mg
 from mograft.blend.rigid_alignment import RootTransforms
 from mograft.search.costs import INFEASIBLE_PENALTY
 from mograft.search.trellis import DonorTrellis, viterbi
-from mograft.solve.donor_trellis import advance_root, build_trellis, candidate_poses, split_by_count
+from mograft.solve.donor_trellis import advance_root, build_trellis, candidate_poses
 from tests.strategies import SEEDS
-
-
-def test_root_group_is_the_grafted_group_that_holds_the_root(root_library, make_problem):
-    assert make_problem(root_library).root_group == "lower"
-    resolved = root_library.groups.resolve(root_library.skeleton)
-    members = {group: [int(j) for j in joints] for group, joints in resolved.items()}
-    groups = mg.JointGroups(members, base="lower")
-    other = mg.Library.build(list(root_library.clips), groups)
-    assert make_problem(other, groups=["upper"]).root_group is None
 
 
 def test_candidate_poses_of_base_segments_are_the_base(root_library, make_problem):
@@ -87,12 +78,3 @@ def test_root_trellis_costs_are_those_along_the_cheapest_path(
         start = RootTransforms(poses.rotations[-1:, root], poses.positions[-1:, root])
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
     assert np.ptp(expected) > 0
-
-
-def test_split_by_count_keeps_order_and_bounds_the_chunks():
-    counts = np.random.default_rng(0).integers(1, 9_000, 50)
-    chunks = split_by_count(np.arange(50), counts)
-    np.testing.assert_array_equal(np.concatenate(chunks), np.arange(50))
-    assert len(chunks) > 5
-    assert max(counts[chunk].sum() for chunk in chunks) < 20_000 + 9_000
-    assert split_by_count(np.zeros(0, int), np.zeros(0, int)) == []

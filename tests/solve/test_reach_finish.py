@@ -85,15 +85,6 @@ def test_graft_kept_groups_are_never_moved(library, joint):
         assert (graft.motion.positions[:, joints] == graft.base.positions[:, joints]).all()
 
 
-def test_graft_keep_original_leaves_the_limb_alone(library):
-    keep = mc.KeepOriginal(frames=(FRAME - 5, FRAME + 5))
-    target = tuple(position(library.clips[0]) + np.array([0.0, 5.0, 0.0]))
-    graft = mg.graft(library, constraints=[keep, mc.Reach(HAND, target, FRAME)], seed=3)
-    (completion,) = graft.reach_completions
-    assert completion.reason == "KeepOriginal keeps these frames"
-    assert not any(isinstance(own.constraint, mc.KeepOriginal) for own in graft.violations)
-
-
 def test_graft_completion_that_breaks_another_constraint_is_not_made(library):
     target = aside(library, 0.05)
     reach = mc.Reach(HAND, target, FRAME, 0.2)

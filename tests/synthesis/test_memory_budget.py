@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft._util import memory
-from mograft.blend import transplant
 from mograft.cli import main
 from mograft.dancer import dance
 from mograft.synthesis.graft import MEMORY_FACTOR
@@ -44,19 +43,3 @@ def test_graft_that_does_not_fit_is_refused_by_name(monkeypatch, tmp_path, capsy
     assert not (tmp_path / "new.bvh").exists()
     monkeypatch.undo()
     np.testing.assert_array_equal(mg.graft(library).motion.rotations, expected)
-
-
-@pytest.mark.parametrize("choice", ["sample", "best", "viterbi"])
-def test_graft_with_little_stored_equals_one_with_everything_stored(monkeypatch, choice):
-    """Rotations of clips are not stored if they are many."""
-    config = mg.Config(choice=choice, max_candidates=2)
-    library = mg.Library.build(dance(strides=2).motion, config=config)
-    expected = mg.graft(library, seed=3)
-    monkeypatch.setattr(transplant, "_MAX_BLOCK_VALUES", 1000)
-    found = mg.graft(library, seed=3)
-    np.testing.assert_array_equal(found.motion.rotations, expected.motion.rotations)
-    assert found.substitutions == expected.substitutions
-    assert found.self_repairs == expected.self_repairs
-    assert found.self_repairs or choice == "best"
-    for group, counts in expected.alternatives.items():
-        np.testing.assert_array_equal(found.alternatives[group], counts)
