@@ -91,23 +91,6 @@ for name, times in takes.items():
 result["pose_seconds"] = time.process_time() - used
 """
 
-_PLAY = """
-path, requests = words
-bpy.ops.import_scene.gltf(filepath=path)
-figure = next(o for o in bpy.data.objects if o.type == "ARMATURE")
-for track in list(figure.animation_data.nla_tracks):
-    figure.animation_data.nla_tracks.remove(track)
-result = {}
-for name, times in requests.items():
-    for bone in figure.pose.bones:
-        bone.matrix_basis.identity()
-    # Older versions of Blender append the name of the object.
-    actions = bpy.data.actions
-    show(figure, actions[name] if name in actions else actions[f"{name}_{figure.name}"])
-    # Frames in single precision: a step at a key must not come one frame late.
-    result[name] = poses(figure, [time * frame_rate() + 1e-4 for time in times])
-"""
-
 
 def gltf_validator():
     """Return a function from a GLB file to the messages of the Khronos validator."""
@@ -163,12 +146,6 @@ def run_with_blender(script, *arguments):
     words = [_blender_python(), script, "--", *arguments]
     completed = subprocess.run(words, capture_output=True, text=True, check=False)
     assert not completed.returncode, completed.stderr
-
-
-def blender_player():
-    """Return a function from a glTF file and times in seconds, by action, to the bone heads."""
-    python = _blender_python()
-    return lambda path, times_by_action: _run_blender(python, _PLAY, [str(path), times_by_action])
 
 
 def _blender_python():

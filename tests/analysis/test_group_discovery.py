@@ -10,11 +10,7 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft import Config, JointGroups, Library, Motion, discover_groups, write_bvh
 from mograft._standalone.mograft_linkage.dendrogram import labels_after_merges
-from mograft.analysis.group_discovery import (
-    connected_linkage,
-    joint_dependence,
-    number_at_largest_gap,
-)
+from mograft.analysis.group_discovery import connected_linkage, joint_dependence
 from mograft.body.joint_chains import support_shares
 from mograft.body.mirroring import partners
 from mograft.clustering import linkage_condensed
@@ -139,15 +135,6 @@ def test_joint_dependence_of_independent_joints_has_no_bias_from_few_segments(se
     assert found[np.triu_indices(10, 1)].mean() < 0.1
 
 
-@given(SEEDS, st.permutations(range(4)), st.floats(0.1, 10))
-def test_joint_dependence_order_and_speed_of_joints_do_not_matter(seed, order, factor):
-    values = velocities_of(seed)
-    values[:, :, 1] += values[:, :, 0]
-    expected = joint_dependence(values, 3)
-    changed = joint_dependence(factor * values[:, :, order], 3)
-    np.testing.assert_allclose(changed, expected[np.ix_(order, order)], atol=2e-3)
-
-
 def test_joint_dependence_still_joint_is_nan():
     values = velocities_of(0)
     values[:, :, 2] *= 1e-3
@@ -228,20 +215,6 @@ def test_discover_dependence_of_chains_is_that_of_their_least_dependent_joints()
     assert coupled[torso, arms] > 0.8
     assert found[torso, arms] < 0.3
     assert found[arms, arms] < 0.3  # within the chain, too
-
-
-@given(
-    st.lists(st.integers(0, 8), min_size=1, max_size=6).map(sorted),
-    st.lists(st.integers(0, 8), min_size=1, max_size=6),
-)
-def test_discovered_number_of_groups_is_between_the_merges_that_differ_most(heights, diameters):
-    tree = np.column_stack([np.zeros((len(heights), 2)), heights, heights]).astype(float)
-    found = number_at_largest_gap(tree, np.array(diameters, float))
-    # The height at which a number of groups is complete, and that of the next merge.
-    done = {len(tree) + 1: min(max(diameters), heights[0])}
-    done |= {len(tree) - step: heights[step] for step in range(len(tree))}
-    gaps = {n: done[n - 1] - done[n] for n in range(2, len(tree) + 2)}
-    assert found == max(n for n in gaps if gaps[n] == max(gaps.values()))
 
 
 @pytest.mark.parametrize(("still", "above"), [("head", "torso"), ("torso", "base")])

@@ -67,21 +67,6 @@ def test_frames_of_a_leak_would_be_found(takes):
     assert smallest_angles(test[:3], test).max() < 1e-6
 
 
-def test_windows_of_a_base_share_grafts_also_if_none_is_new_enough(stored, monkeypatch):
-    built, build = [], augmentation.build_graft
-
-    def count(*arguments):
-        built.append(arguments[3])
-        return build(*arguments)
-
-    monkeypatch.setattr(augmentation, "build_graft", count)
-    monkeypatch.setattr(augmentation, "frame_newness", lambda _: (np.zeros(10_000),))
-    windows = datasets.augment(stored, seconds=1.0)
-    assert len([windows[index] for index in range(3)]) == 3
-    assert len(built) > 1
-    assert sorted(built) == list(range(len(built)))
-
-
 @few_examples(8)
 @given(
     seconds=st.sampled_from([0.5, 1.0, 2.0]),

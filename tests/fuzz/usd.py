@@ -26,7 +26,7 @@ TOKENS = [
     *(b"(0, 0, 0)", b"(0, 0, 0, 0)", b'""', b'"a/b"', b'"hips"', b'["hips"]'),
     *b"@../x.usda@ @./damaged.usda@ @damaged.usda@</figure> </figure> </figure/walk>".split(),
     *b"Skeleton SkelAnimation SkelRoot Xform def over class { } uniform timeSamples".split(),
-    *b"float quatf[] half3[] matrix4d[] token[] =".split(),
+    *b"float quatf[] half3[] matrix4d[] token[] = \xc3\x89 \x89".split(),
 ]
 WORDS = [
     bytes(8), b"\xff" * 8, b"\xff\xff\xff\x7f" + bytes(4), b"\xff" * 7 + b"\x7f", b"\1" + bytes(7),

@@ -23,13 +23,17 @@ from tests.io.recorded_files import ODD_FILES, RECORDINGS
 from tests.strategies import few_examples
 
 
-@few_examples(40)
-@given(clips(), dialects())
-def test_read_bvh_any_dialect_gives_same_clip(clip, dialect):
-    motion = read(to_text(clip, dialect))
+@few_examples(60)
+@given(clips(), dialects(), st.sampled_from([3, 50, 301, cursor.CHUNK_BYTES]))
+def test_read_bvh_any_dialect_and_chunk_size_gives_same_clip(clip, dialect, size):
+    text = to_text(clip, dialect)
+    with patch.multiple(cursor, CHUNK_BYTES=size, MAX_WORD_BYTES=400):
+        motion, summary = read(text), formats.scan_bvh(io.BytesIO(text))
     assert_same_skeleton(motion.skeleton, clip.skeleton)
     assert motion.frame_time == clip.frame_time
     assert_same_numbers(motion.channel_values, clip.values)
+    assert motion.repairs == summary.repairs == read(text).repairs
+    assert summary.n_frames == motion.n_frames
 
 
 @few_examples(40)
@@ -38,20 +42,6 @@ def test_read_bvh_white_space_is_not_a_repair(clip, layout):
     plain, other = (read(to_text(clip, dialect)).repairs for dialect in (Dialect(), layout))
     messages = [[repair.split(": ", 1)[1] for repair in repairs] for repairs in (plain, other)]
     assert sorted(messages[0]) == sorted(messages[1])
-
-
-@settings(max_examples=50)
-@given(clips(), dialects(), st.sampled_from([3, 50, 301]))
-def test_read_bvh_any_chunk_size_gives_same_motion(clip, dialect, size):
-    text = to_text(clip, dialect)
-    whole = read(text)
-    with patch.multiple(cursor, CHUNK_BYTES=size, MAX_WORD_BYTES=400):
-        chunked = read(text)
-        summary = formats.scan_bvh(io.BytesIO(text))
-    assert_same_skeleton(chunked.skeleton, whole.skeleton)
-    assert_same_numbers(chunked.channel_values, whole.channel_values)
-    assert chunked.repairs == whole.repairs == summary.repairs
-    assert summary.n_frames == whole.n_frames
 
 
 def _outcome(text, *, strict):

@@ -15,11 +15,9 @@ from mograft.io.gltf.document import read_gltf_file
 from mograft.motion import rotations
 from tests import clients
 from tests.io.gltf_scenes import random_scene, write_gltf
-from tests.io.recorded_files import DATA, require
 
 SCALES = st.sampled_from(["none", "uniform", "mirrored", "any"])
 WAYS = st.sampled_from(["glb", "external", "embedded"])
-KNIGHT = DATA / "glb" / "kaykit_Knight.glb"
 
 
 def write_scene(tmp_path_factory, seed, scale="none", way="glb"):
@@ -212,22 +210,6 @@ def issue_codes(path):
     return {own["code"] for own in messages if own["severity"] < 2}
 
 
-@pytest.fixture(scope="module")
-def knight(tmp_path_factory):
-    """The path of a copy of the knight with two new animations, their base and their motion."""
-    require(KNIGHT)
-    base = mg.read(KNIGHT)["Walking_A"]
-    turned = base.rotations.copy()
-    swing = rotations.from_axis_angle([0, 1, 0], np.sin(np.arange(base.n_frames) / 5))
-    for name in ("head", "chest", "lowerarm.r"):
-        joint = base.skeleton.index(name)
-        turned[:, joint] = rotations.multiply(swing, turned[:, joint])
-    motion = replace(base, rotations=turned, channel_values=None, name="Turning")
-    path = tmp_path_factory.mktemp("knight") / "out.glb"
-    formats.write_glb_animations(KNIGHT, [motion, motion], path, bases=[base, None])
-    return path, base, motion
-
-
 @pytest.mark.client
 @pytest.mark.parametrize("way", ["glb", "embedded"])
 def test_write_glb_animations_adds_no_issue_of_khronos_validator(tmp_path_factory, way):
@@ -237,23 +219,3 @@ def test_write_glb_animations_adds_no_issue_of_khronos_validator(tmp_path_factor
         motions = [change_joints(clip, rng), clip]
         formats.write_glb_animations(path, motions, target, bases=[clip, None])
         assert issue_codes(target) <= issue_codes(path)
-
-
-@pytest.mark.client
-def test_blender_plays_old_and_new_animations(knight):
-    path, base, motion = knight
-    play = clients.blender_player()
-    frames = np.array([0, 7, 15, base.n_frames - 1])
-    times = (frames * base.frame_time).tolist()
-    file = read_container(path)
-    (walk,) = (own for own in file.items("animations") if own["name"] == "Walking_A")
-    start = min(file.items("accessors")[own["input"]]["min"][0] for own in walk["samplers"])
-    later = [start + time for time in times]
-    found = play(path, {"Walking_A": later, "Turning": later, "Turning~2": times})
-    for action, expected in (("Walking_A", base), ("Turning", motion), ("Turning~2", motion)):
-        names = expected.skeleton.names
-        actual = np.array([[heads[name] for name in names] for heads in found[action]])
-        # In Blender, z is up.
-        y_up = np.stack([actual[..., 0], actual[..., 2], -actual[..., 1]], axis=-1)
-        places = expected.world_positions()[frames]
-        np.testing.assert_allclose(y_up, places, atol=1e-4 * np.ptp(places[..., 1]), err_msg=action)

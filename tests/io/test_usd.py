@@ -299,6 +299,7 @@ KEY = (np.zeros((1, 3)), [[0, 0, 0, 1.0]], np.ones((1, 3)))
         (["a"], ["a"], {0.0: (np.zeros((2, 3)), *KEY[1:])}, "expected 1 finite translations"),
         (["a"], ["a"], {0.0: (KEY[0] + np.nan, *KEY[1:])}, "expected 1 finite translations"),
         (["a"], ["a"], {0.0: (KEY[0], [[0, 0, 0, 0]], KEY[2])}, "expected unit quaternions"),
+        (["a"], ["a"], {0.0: KEY, 1e5: KEY}, "/f/walk: a duration of .* too long for 2 keys"),
     ],
 )
 def test_read_usd_wrong_content_raises_format_error(tmp_path, joints, moved, keys, message):
@@ -344,22 +345,6 @@ def test_read_usd_damaged_text_gives_motions_or_format_error(tmp_path, seed):
         fuzz_usd.check(seed, tmp_path)
 
 
-@few_examples(30)
-@given(
-    share=st.floats(0.0, 1.0), damage=st.binary(min_size=1, max_size=9).map(lambda b: b + b"\x89")
-)
-def test_read_usd_text_that_is_not_utf_8_gives_motions_or_format_error(
-    tmp_path_factory, share, damage
-):
-    path = tmp_path_factory.mktemp("usd") / "a.usda"
-    write_usd(dance(strides=1).motion[:2], path)
-    data = path.read_bytes()
-    at = int(share * len(data))
-    path.write_bytes(data[:at] + damage + data[at:])
-    with contextlib.suppress(mg.FormatError):
-        list(mg.read(path))
-
-
 @pytest.mark.parametrize("section", range(6))
 @pytest.mark.parametrize("claim", [2**30, 2**40, 2**63, 2**64 - 1])
 def test_read_usd_binary_file_with_too_large_section_raises_format_error(tmp_path, section, claim):
@@ -382,16 +367,6 @@ def test_read_usd_binary_file_with_too_large_section_raises_format_error(tmp_pat
     path.write_bytes(data)
     with pytest.raises(mg.FormatError, match=r"table of contents|position"):
         mg.read(path)
-
-
-def test_read_usd_long_animation_of_few_keys_raises_format_error(tmp_path):
-    stage = Usd.Stage.CreateInMemory()
-    define_figure(stage, "f", ["a"], [np.eye(4)])
-    define_animation(stage, "/f/walk", ["a"], {0.0: KEY, 1e5: KEY})
-    path = save(stage, tmp_path / "a.usda")
-    with pytest.raises(mg.FormatError, match=r"/f/walk: a duration of .* too long for 2 keys"):
-        mg.read(path)[0]
-    assert mg.read(path, rate=1)[0].n_frames > 1000
 
 
 def test_read_usd_skeleton_without_rest_pose_raises_format_error(tmp_path):

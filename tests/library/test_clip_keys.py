@@ -101,7 +101,7 @@ def test_parquet_and_csv_give_the_same_tags(tmp_path_factory, rows, columns):
 
 
 @pytest.mark.parametrize(
-    ("text", "columns", "message"),
+    ("table", "columns", "message"),
     [
         ("clip,tag\nwalk\n", None, r"tags\.csv:2: expected a clip and its tags, got \['walk'\]"),
         (f"walk,slow\nrun,{'x' * 200_000}\n", None, r"tags\.csv:2: expected CSV: field larger"),
@@ -112,32 +112,28 @@ def test_parquet_and_csv_give_the_same_tags(tmp_path_factory, rows, columns):
         ),
         ("walk,slow\n", ["style"], r"tags\.csv: expected a heading with one of style"),
         ("style,filename\nslow,\n", None, r"tags\.csv:2: expected a clip and its tags"),
-    ],
-)
-def test_read_tags_invalid_table_raises_value_error(tmp_path, text, columns, message):
-    (tmp_path / "tags.csv").write_text(text)
-    with pytest.raises(ValueError, match=message):
-        read_tags(tmp_path / "tags.csv", columns)
-
-
-def test_read_tags_invalid_parquet_raises_value_error(tmp_path):
-    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
-    import pyarrow as pa
-
-    path = tmp_path / "tags.parquet"
-    path.write_bytes(b"PAR1 no")
-    with pytest.raises(ValueError, match=r"tags\.parquet: expected Parquet: "):
-        read_tags(path)
-    for table, message in (
-        ({"style": ["slow"]}, "expected a heading with one of clip, file"),
+        (b"PAR1 no", None, r"tags\.parquet: expected Parquet: "),
+        ({"style": ["slow"]}, None, r"tags\.parquet: expected a heading with one of clip, file"),
         (
             {"clip": ["a", None], "style": ["slow", "fast"]},
-            "parquet:2: expected a clip and its tags",
+            None,
+            r"tags\.parquet:2: expected a clip and its tags",
         ),
-    ):
-        parquet.write_table(pa.table(table), path)
-        with pytest.raises(ValueError, match=message):
-            read_tags(path)
+    ],
+)
+def test_read_tags_invalid_table_raises_value_error(tmp_path, table, columns, message):
+    path = tmp_path / ("tags.csv" if isinstance(table, str) else "tags.parquet")
+    if isinstance(table, str):
+        path.write_text(table)
+    else:
+        pyarrow = pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+        parquet = pytest.importorskip("pyarrow.parquet")
+        if isinstance(table, bytes):
+            path.write_bytes(table)
+        else:
+            parquet.write_table(pyarrow.table(table), path)
+    with pytest.raises(ValueError, match=message):
+        read_tags(path, columns)
 
 
 def test_read_tags_clip_in_two_rows_warns_and_joins(tmp_path):

@@ -71,12 +71,6 @@ def test_complete_linkage_unknown_parameter_raises_value_error():
         clustering.CompleteLinkage().set_params(linkage="complete")
 
 
-def test_complete_linkage_repr_lists_changed_parameters():
-    assert repr(clustering.CompleteLinkage()) == "CompleteLinkage()"
-    model = clustering.CompleteLinkage(3, metric="cosine")
-    assert repr(model) == "CompleteLinkage(n_clusters=3, metric='cosine')"
-
-
 def test_complete_linkage_data_frame_names_and_set_output():
     pandas = pytest.importorskip("pandas", reason="pandas is not installed")
     points = np.random.default_rng(3).standard_normal((60, 3))

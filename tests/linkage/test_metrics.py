@@ -8,26 +8,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.cluster import hierarchy
-from scipy.spatial.distance import pdist
 
 from mograft import clustering
 from tests.analysis.test_clustering import by_first_appearance, clouds
 from tests.linkage.test_adversarial import METRICS
 from tests.memory import PEAK_BYTES
-
-EPSILON = np.finfo(float).eps
-
-
-@given(clouds(kinds=["lattice", "single precision"]))
-def test_squared_euclidean_tree_has_squared_heights(points):
-    tree = clustering.linkage(points)
-    squared = clustering.linkage(points, metric="sqeuclidean")
-    np.testing.assert_array_equal(squared[:, [0, 1, 3]], tree[:, [0, 1, 3]])
-    np.testing.assert_array_equal(squared[:, 2], tree[:, 2] ** 2)
-    # The height of a merge is the squared distance of two points, rounded twice.
-    exact = np.append(pdist(points, "sqeuclidean"), 0.0)
-    nearest = exact[np.abs(exact[:, None] - squared[:, 2]).argmin(axis=0)]
-    np.testing.assert_allclose(squared[:, 2], nearest, rtol=2 * EPSILON, atol=0)
 
 
 def with_other_columns(points):

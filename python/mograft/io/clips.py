@@ -11,7 +11,7 @@ import numpy as np
 from mograft._util.names import find_matches
 from mograft._util.validate import is_integer
 from mograft.errors import FormatError, join_names, suggest_name
-from mograft.motion.motion import Motion
+from mograft.motion.motion import Motion, replace_unchecked
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class Clips(Sequence[Motion]):
         clip = self.clip(index)
         if (motion.path, motion.clip) == (self.path, clip):
             return motion
-        return replace(motion, path=self.path, clip=clip)
+        return replace_unchecked(motion, path=self.path, clip=clip)
 
     def _unknown(self, name: str) -> ValueError:
         hint = suggest_name(name, self.names) or f"; its clips are {join_names(self.names)}"

@@ -9,7 +9,6 @@ rest pose of the file, then G W⁻¹ is its world rotation in mograft. World pos
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
@@ -54,15 +53,13 @@ def rebase(
     frame_time: float,
     *,
     name: str = "",
-    path: Path | None = None,
-    clip: str | None = None,
 ) -> Motion:
     """Return a motion, given the world transforms and the rest pose of a file.
 
     `world_rotations`, shape (n_frames, n_joints, 4), xyzw, become relative to the rest pose;
     `world_positions`, shape (n_frames, n_joints, 3), do not change. The root has position channels,
     and so has each joint whose translation differs from its offset by more than
-    `POSITION_TOLERANCE`. `name`, `path` and `clip` become fields of the motion.
+    `POSITION_TOLERANCE`.
     """
     turned = rotations.multiply(world_rotations, rotations.inverse(rest.rotations))
     local, positions = to_local(rest.parents, turned, np.asarray(world_positions, np.float64))
@@ -76,7 +73,7 @@ def rebase(
     skeleton = remember(rest, key, lambda: Skeleton(rest.names, rest.parents, offsets, channels))
     quats = local / np.sqrt(np.einsum("...i,...i->...", local, local))[..., None]
     quats = rotations.continuous_signs(quats)
-    return Motion(skeleton, frame_time, quats, positions, name=name, path=path, clip=clip)
+    return Motion(skeleton, frame_time, quats, positions, name=name)
 
 
 def restore(rest: RestPose, motion: Motion) -> tuple[FloatArray, FloatArray]:

@@ -90,10 +90,8 @@ def open_usd(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
         notes = _notes(stage)
 
     def load(clip: int) -> Motion:
-        animation, figure = pairs[clip]
         with _usd_errors(path):
-            motion = _sample(stage, animation, figure, rate)
-        return replace(motion, name=names[clip], path=path)
+            return replace(_sample(stage, *pairs[clip], rate), name=names[clip])
 
     names = tuple(unique_names([animation.GetName() for animation in animations]))
     return Clips(path, names, load, "USD", notes)

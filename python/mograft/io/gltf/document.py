@@ -204,9 +204,8 @@ def _read_motion(file: GltfFile, clip: int, rate: float | None) -> Motion:
     animation, times, frame_time = _read_times(file, clip, rate)
     turned, positions = to_world(file.moved_parents, file.sample(animation, times))
     turned, positions = turned[:, file.n_above :], positions[:, file.n_above :]
-    name, path = file.clip_names[clip], file.container.path
-    address = name if len(file.clip_names) > 1 else None
-    return rebase(file.rest, turned, positions, frame_time, name=name, path=path, clip=address)
+    with errors_of_file(file.container.path, animation.place):
+        return rebase(file.rest, turned, positions, frame_time, name=file.clip_names[clip])
 
 
 def _read_times(
