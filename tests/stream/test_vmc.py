@@ -211,10 +211,8 @@ class Setting:
                 return found
 
     def close(self):
-        self.receiver.close()
-        self.out.close()
-        for own in (self.sender, *self.sources):
-            own.__exit__(None, None, None)
+        for own in (self.receiver, self.out, self.sender, *self.sources):
+            own.close()
 
 
 @pytest.fixture
@@ -247,8 +245,8 @@ def test_relay_grafts_the_base_of_a_sender(setting, two_dances):
     for packet, places in zip(found, figure, strict=False):
         for bone, place in oracle.receive(packet)[1].items():
             np.testing.assert_allclose(place, places[bone], atol=1e-5)
-    assert setting.relay.status.newness > 0.2
-    assert sum(setting.relay.status.dropped.values()) == 0
+    assert setting.relay.newness > 0.2
+    assert sum(setting.relay.dropped.values()) == 0
 
 
 @pytest.mark.parametrize(("rate", "speed"), [(30.0, 1.0), (24.0, 1.0), (50.0, 1.0), (60.0, 0.8)])
@@ -315,9 +313,9 @@ def test_second_sender_late_and_invalid_packets_are_counted_and_dropped(setting)
     setting.send(packets[:20], 300.0, other)
     setting.send([packets[10], b"x", packets[40][:-3], b"#bundle\0"], 300.0)
     assert setting.relay.n_base == 30
-    dropped = setting.relay.status.dropped
+    dropped = setting.relay.dropped
     assert (dropped["of another sender"], dropped["late"], dropped["invalid"]) == (20, 1, 3)
-    assert "dropped 24 (" in str(setting.relay.status)
+    assert "dropped 24 (" in setting.relay.status()
 
 
 def test_flood_is_dropped(setting):
@@ -326,7 +324,7 @@ def test_flood_is_dropped(setting):
         for _ in range(50):
             setting.source.send(packets[0])
         setting.relay.advance(0.0)
-    assert setting.relay.status.dropped["too many"] >= 400
+    assert setting.relay.dropped["too many"] >= 400
     assert setting.relay.n_base == 1
 
 
