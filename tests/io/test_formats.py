@@ -22,22 +22,6 @@ from mograft.motion import rotations
 from tests import strategies
 from tests.io.bvh_helpers import assert_same_skeleton
 from tests.io.gltf_scenes import Glb
-from tests.strategies import few_examples, motions
-
-
-@few_examples(20)
-@given(motion=motions(max_frames=6))
-def test_read_every_registered_writer_round_trips(motion, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("formats")
-    mg.write_bvh(motion, folder / "clip.bvh")
-    mg.formats.write_npz(motion, folder / "clip.npz")
-    for name, direct in (("clip.bvh", mg.read_bvh), ("clip.npz", mg.formats.read_npz)):
-        clips = mg.read(folder / name)
-        assert len(clips) == 1
-        expected = direct(folder / name)
-        for found in (*clips, clips[clips.names[0]], read_clip(clips.address(0))):
-            np.testing.assert_array_equal(found.rotations, expected.rotations)
-            np.testing.assert_array_equal(found.positions, expected.positions)
 
 
 def test_read_content_decides_over_suffix(tmp_path):
