@@ -2,12 +2,14 @@
 
 import os
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
 from mograft import write_bvh
 from mograft.cli import main
 from mograft.dancer import dance
+from tests.exit_codes import exit_code
 
 
 @pytest.fixture(autouse=True)
@@ -85,15 +87,19 @@ def succeed(run):
 
 
 @pytest.fixture
-def usage_error(capsys):
-    """Run a command that must end with a usage error; return stderr."""
+def fail(capsys):
+    """Run a command that must end with an exit code and without a result; return stderr."""
 
-    def run_command(*words):
-        with pytest.raises(SystemExit) as stopped:
-            main([str(word) for word in words])
-        assert stopped.value.code == 2
+    def run_command(code, *words):
+        assert exit_code([str(word) for word in words]) == code
         captured = capsys.readouterr()
         assert captured.out == ""
         return captured.err
 
     return run_command
+
+
+@pytest.fixture
+def usage_error(fail):
+    """Run a command that must end with a usage error; return stderr."""
+    return partial(fail, 2)

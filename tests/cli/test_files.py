@@ -154,12 +154,10 @@ def test_output_missing_folders_are_created(run, folder, tmp_path):
         assert [path.name for path in target.parent.iterdir()] == [words[-1]]
 
 
-def test_output_folder_in_place_of_page_returns_1(run, folder, tmp_path):
+def test_output_folder_in_place_of_page_returns_1(fail, folder, tmp_path):
     page = tmp_path / "page.html"
     page.mkdir()
-    code, _, err = run("view", folder, "-o", page, "--force")
-    assert code == 1
-    assert f"{page}: is a folder, expected a file" in err
+    assert f"{page}: is a folder, expected a file" in fail(1, "view", folder, "-o", page, "--force")
 
 
 def test_index_excluded_file_is_named_once(run, folder, tmp_path):
@@ -183,12 +181,11 @@ def test_index_unmatched_rates_and_tags_print_warning(succeed, folder, tmp_path)
     assert "1 of 2 names of --true-rate match no clip and have no effect: c" in err
 
 
-def test_plot_strip_unknown_body_needs_no_groups(run, tmp_path):
+def test_plot_strip_unknown_body_needs_no_groups(run, fail, tmp_path):
     path = tmp_path / "chain.bvh"
     write_motion_of(skeleton_from_text("a > b")[0], 9, path)
     assert run("plot", "strip", path, "-o", tmp_path / "strip.png")[0] == 0
-    code, _, err = run("plot", "strip", path, "-o", tmp_path / "no.png", "--groups", "lower_upper")
-    assert code == 1
+    err = fail(1, "plot", "strip", path, "-o", tmp_path / "no.png", "--groups", "lower_upper")
     assert "needs legs" in err
 
 

@@ -52,14 +52,13 @@ def test_graft_base_is_found_by_its_address_and_any_unique_pattern(succeed, pack
     assert (tmp_path / "out" / "jump_graft0.bvh").exists()
 
 
-def test_graft_of_several_clips_as_base_names_them(run, pack, tmp_path):
-    code, _, err = run("graft", pack, "--base", f"{pack}#walk*", "-o", tmp_path / "x")
-    assert code == 3
+def test_graft_of_several_clips_as_base_names_them(fail, pack, tmp_path):
+    err = fail(3, "graft", pack, "--base", f"{pack}#walk*", "-o", tmp_path / "x")
     assert "expected the name of one clip" in err
     assert "got 2 clips: Rig|walk_a, Rig|walk_b" in err
 
 
-def test_commands_accept_addresses(run, pack):
+def test_commands_accept_addresses(succeed, pack):
     one = f"{pack}#jump"
     for words in (
         ("check", one),
@@ -73,8 +72,7 @@ def test_commands_accept_addresses(run, pack):
         ("index", pack, "-o", "l"),
         ("lib", "verify", "l"),
     ):
-        code, _, err = run(*words)
-        assert code == 0, (words, err)
+        succeed(*words)
     np.testing.assert_allclose(
         mg.read_bvh("a.bvh").world_positions(),
         mg.read(pack)["Rig|jump"].world_positions(),
@@ -100,7 +98,7 @@ def figure(figures):
     return figures / "dance.glb"
 
 
-def test_graft_glb_count_two_writes_both_to_one_file(run, succeed, figure, tmp_path):
+def test_graft_glb_count_two_writes_both_to_one_file(run, fail, succeed, figure, tmp_path):
     out = tmp_path / "out.glb"
     code, printed, err = run("graft", figure, "--base", f"{figure}#b", "-n", 2, "-o", out)
     assert (code, printed) == (0, f"{out}\n")
@@ -111,12 +109,9 @@ def test_graft_glb_count_two_writes_both_to_one_file(run, succeed, figure, tmp_p
     clips, again = mg.read(out), mg.read(tmp_path / "one.glb")
     assert again.names == ("a", "b", "b_graft1")
     assert (again["b_graft1"].rotations == clips["b_graft1"].rotations).all()
-    code, _, err = run("graft", "--from", out, "-o", tmp_path / "two.glb")
-    assert code == 3
+    err = fail(3, "graft", "--from", out, "-o", tmp_path / "two.glb")
     assert "out.glb#b_graft0, got no name" in err
-    code, _, err = run("graft", figure, "-o", out)
-    assert code == 1
-    assert "out.glb exists; use --force to overwrite" in err
+    assert "out.glb exists; use --force to overwrite" in fail(1, "graft", figure, "-o", out)
 
 
 def test_graft_glb_stored_library_and_report(run, succeed, figure, tmp_path):
@@ -146,7 +141,7 @@ def test_scene_of_glb_shows_donors_of_grafts_only(run, figure, tmp_path):
     assert any(part.is_exchanged for part in new.rows[0].parts)
 
 
-def test_graft_into_adds_to_the_file_itself(run, succeed, figure, tmp_path):
+def test_graft_into_adds_to_the_file_itself(fail, succeed, figure, tmp_path):
     hero = tmp_path / "hero.glb"
     hero.write_bytes(figure.read_bytes())
     words = ["graft", "hero.glb", "--base", "hero.glb#b", "--into", "hero.glb"]
@@ -162,8 +157,7 @@ def test_graft_into_adds_to_the_file_itself(run, succeed, figure, tmp_path):
     assert clips.names == ("a", "b", "b_graft0", "b_graft1", "new")
     assert (clips["new"].rotations == clips["b_graft1"].rotations).all()
     content = hero.read_bytes()
-    code, _, err = run("graft", "--from", "hero.glb#new", "--into", "hero.glb", "--as", "a")
-    assert code == 1
+    err = fail(1, "graft", "--from", "hero.glb#new", "--into", "hero.glb", "--as", "a")
     assert "has an animation a that mograft did not write" in err
     assert hero.read_bytes() == content
     succeed("graft", "--from", "hero.glb#new", "--into", "hero.glb", "--as", "a", "--force")
@@ -179,7 +173,7 @@ def vertices(path):
     ]
 
 
-def test_export_keeps_the_meshes_of_the_first_file_that_has_some(run, succeed, figure, tmp_path):
+def test_export_keeps_the_meshes_of_the_first_file_that_has_some(fail, succeed, figure, tmp_path):
     motion = mg.read(figure)["a"]
     scaled = replace(motion.skeleton, offsets=100 * motion.skeleton.offsets, end_sites=())
     other = replace(motion[:90], skeleton=scaled, positions=100 * motion[:90].positions)
@@ -208,14 +202,13 @@ def test_export_keeps_the_meshes_of_the_first_file_that_has_some(run, succeed, f
     formats.write_glb(
         replace(motion, skeleton=replace(motion.skeleton, names=names)), tmp_path / "goat.glb"
     )
-    code, _, err = run("export", figure, "goat.glb", "-o", "no.glb")
-    assert code == 1
+    err = fail(1, "export", figure, "goat.glb", "-o", "no.glb")
     assert "a lacks Head and also has Tail" in err
     assert "export each file by itself, or graft them together with --match anatomy" in err
     assert not Path("no.glb").exists()
 
 
-def test_graft_folder_leaves_out_clips_in_one_line(succeed, run, folder, tmp_path):
+def test_graft_folder_leaves_out_clips_in_one_line(succeed, fail, folder, tmp_path):
     for name in "ab":
         (tmp_path / f"{name}.bvh").write_bytes((folder / f"{name}.bvh").read_bytes())
     pose = mg.read_bvh(folder / "a.bvh")[:1]
@@ -227,8 +220,7 @@ def test_graft_folder_leaves_out_clips_in_one_line(succeed, run, folder, tmp_pat
     assert (tmp_path / "out" / "a_graft0.bvh").exists()
     assert succeed("graft", tmp_path, "-o", "out", "-v", "--force")[1].count("excluded: ") == 5
     succeed("graft", "--from", "out/a_graft0.json", "-o", "new.bvh", "--ban", 2)
-    code, _, err = run("graft", tmp_path / "a.bvh", tmp_path / "0pose1.bvh", "-o", "other")
-    assert code == 1
+    err = fail(1, "graft", tmp_path / "a.bvh", tmp_path / "0pose1.bvh", "-o", "other")
     assert "must have at least 2 frames, got 1" in err
 
 
@@ -272,7 +264,7 @@ def test_export_of_grafts_keeps_their_provenance(succeed, figure, tmp_path):
 
 
 @pytest.mark.parametrize("suffix", ["bvh", "npz", "csv", "glb"])
-def test_export_format_writes_each_motion_as_a_single_export_does(suffix, succeed, run, clip):
+def test_export_format_writes_each_motion_as_a_single_export_does(suffix, succeed, fail, clip):
     """Also clips of one file, clips of one name in two folders, and a folder."""
     motion = mg.read_bvh(clip)
     Path("in").mkdir()
@@ -289,6 +281,5 @@ def test_export_format_writes_each_motion_as_a_single_export_does(suffix, succee
     for source, name in zip(sources, names, strict=True):
         succeed("export", source, "-o", f"one.{suffix}", "--force")
         assert Path("out", f"{name}.{suffix}").read_bytes() == Path(f"one.{suffix}").read_bytes()
-    code, _, err = run("export", "in", "-o", "out", "--format", suffix)
-    assert code == 1
+    err = fail(1, "export", "in", "-o", "out", "--format", suffix)
     assert f"a.{suffix} and 2 other files exist; use --force to overwrite" in err

@@ -29,7 +29,7 @@ def test_graft_help_states_defaults_of_the_configuration(capsys, field):
     assert float(stated[1]) == pytest.approx(math.degrees(value) if field == "max_angle" else value)
 
 
-def test_candidates_lists_allowed_and_refused_donors(run, succeed, folder):
+def test_candidates_lists_allowed_and_refused_donors(run, fail, succeed, folder):
     options = ["--clip", "a", "--segment", 12]
     out = succeed("candidates", folder, *options)[0]
     assert "a, segment 12, frames " in out
@@ -45,14 +45,12 @@ def test_candidates_lists_allowed_and_refused_donors(run, succeed, folder):
     assert all("Avoid: penetration depth" in c["refused"] for c in document["refused"])
     first, last = document["frames"]
     for frame in (first, last - 1):
-        code, again, _ = run("candidates", folder, "--clip", "a", "--frame", frame, *ball)
+        again = run("candidates", folder, "--clip", "a", "--frame", frame, *ball)[1]
         assert json.loads(again) == document
     # As on pages, the frame that two segments share belongs to the later one.
-    code, again, _ = run("candidates", folder, "--clip", "a", "--frame", last, *ball)
+    again = run("candidates", folder, "--clip", "a", "--frame", last, *ball)[1]
     assert json.loads(again)["segment"] == document["segment"] + 1
-    code, _, err = run("candidates", folder, "--segment", 99999)
-    assert code == 1
-    assert "--segment must be 0 to" in err
+    assert "--segment must be 0 to" in fail(1, "candidates", folder, "--segment", 99999)
 
 
 def test_candidates_and_graft_agree_on_segments_frames_and_gaps(run, succeed, folder, tmp_path):
@@ -135,10 +133,9 @@ def test_graft_measure_writes_quality_to_document_and_page(succeed, folder, tmp_
     assert first["quality"] == json.loads((out / "a_graft0.json").read_text())["quality"]
 
 
-def test_graft_measure_without_scipy_names_extra(run, folder, tmp_path, monkeypatch):
+def test_graft_measure_without_scipy_names_extra(fail, folder, tmp_path, monkeypatch):
     monkeypatch.setattr("mograft.cli.actions.graft.find_spec", {}.get)
-    code, _, err = run("graft", folder, "-o", tmp_path / "out", "--measure")
-    assert code == 1
+    err = fail(1, "graft", folder, "-o", tmp_path / "out", "--measure")
     assert "--measure needs SciPy: pip install 'mograft[evaluate]'" in err
     assert not (tmp_path / "out").exists()
 
@@ -283,7 +280,7 @@ def test_graft_changes_vary_where_other_parts_exist(succeed, folder, tmp_path):
     assert "warning: 1 of 3 motions are written: there are no other parts" in err
 
 
-def test_graft_from_with_edits_takes_moved_library(run, first, folder, tmp_path):
+def test_graft_from_with_edits_takes_moved_library(run, fail, first, folder, tmp_path):
     shutil.copy(first.with_suffix(".json"), tmp_path / "new.json")
     words = ["graft", "--from", tmp_path / "new.json", "--ban", "24"]
     shutil.copytree(folder, tmp_path / "clips")
@@ -291,8 +288,7 @@ def test_graft_from_with_edits_takes_moved_library(run, first, folder, tmp_path)
     assert run("index", folder, "-o", tmp_path / "lib")[0] == 0
     assert run(*words, tmp_path / "lib", "-o", tmp_path / "two.bvh")[0] == 0
     assert (tmp_path / "one.bvh").read_bytes() == (tmp_path / "two.bvh").read_bytes()
-    code, _, err = run(*words, tmp_path / "clips" / "a.bvh", "-o", tmp_path / "three.bvh")
-    assert code == 3
+    err = fail(3, *words, tmp_path / "clips" / "a.bvh", "-o", tmp_path / "three.bvh")
     assert "is another library: SHA-256" in err
 
 
@@ -344,11 +340,10 @@ def test_graft_obstacle_at_kept_joints_ends_before_the_search(run, folder, monke
         run("graft", folder / "a.bvh", "-o", "out", "--avoid", f"sphere:{foot},5@200-210")
 
 
-def test_graft_from_moves_a_hand_from_where_it_is_and_keeps_all_donors(run, succeed, folder):
+def test_graft_from_moves_a_hand_from_where_it_is_and_keeps_all_donors(fail, succeed, folder):
     succeed("graft", folder / "a.bvh", "-o", "old.bvh", "-q")
     reach = ["--from", "old.json", "--reach", "100:LeftHand:@LeftHand+0,0.15,0", "-o", "new.bvh"]
-    code, _, err = run("graft", *reach, "--set", "reach_ik=0")
-    assert code == 4
+    err = fail(4, "graft", *reach, "--set", "reach_ik=0")
     assert "--set reach_ik=1 bends an arm or leg farther; --best-effort" in err.splitlines()[-1]
     err = succeed("graft", *reach, "--set", "reach_ik=1")[1]
     assert "instead of" not in err

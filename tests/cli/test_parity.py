@@ -55,7 +55,8 @@ def is_feasible(library, graft):
 
 
 WIDE = mg.Config(max_stretch=0.4)
-STEEP = mg.Config(max_angle=float(np.radians(60)))
+MAX_ANGLE = float(np.radians(60.0))
+STEEP = mg.Config(max_angle=MAX_ANGLE)
 CASES = [
     Case("--quiet --json --force --digits 3", digits=3),
     Case("--verbose --measure --report -n 2", call={"count": 2}),
@@ -63,14 +64,13 @@ CASES = [
         "--count 3 --distinct 12 --seed 5",
         call={"count": 3, "distinct": float(np.radians(12.0)), "seed": 5},
     ),
-    Case("--base b", call={"base": "b"}),
+    Case("--base b --skeleton {folder}/a.bvh", call={"base": "b"}),
     Case(
         "--groups lower_torso_arms --swap arms",
         build={"groups": "lower_torso_arms"},
         call={"swap": ["arms"]},
     ),
     Case("--match anatomy --include-grafts", build={"match": "anatomy", "include_grafts": True}),
-    Case("--skeleton {folder}/a.bvh"),
     Case(
         "--model {walks}/humanoid.xml --quaternion wxyz --fps walk*=25 -n 3 --only-feasible",
         build={"skeleton": {"quaternion": "wxyz", "rate": {"walk*": 25}}},
@@ -88,10 +88,12 @@ CASES = [
         call={"count": 2},
     ),
     Case("--mirror", make=lambda library: mg.graft_many(library.with_mirror_images())),
-    Case("--keep 2s-4s", constraints=[c.KeepOriginal(frames=(60, 120))]),
     Case(
-        "--reach 3s-3.2s:LeftHand:10,100,20~.4 --best-effort",
-        constraints=[c.Reach("LeftHand", HAND, tolerance=0.4, frames=(90, 96))],
+        "--reach 3s-3.2s:LeftHand:10,100,20~.4 --reach 30:LeftHand:0,900,0 --best-effort",
+        constraints=[
+            c.Reach("LeftHand", HAND, tolerance=0.4, frames=(90, 96)),
+            c.Reach("LeftHand", (0.0, 900.0, 0.0), tolerance=0.03, frames=(30, 30)),
+        ],
     ),
     Case(
         "--avoid sphere:10,100,20,15@0-200 --avoid capsule:900,0,0,900,90,0,5@0s-9s --best-effort "
@@ -104,24 +106,27 @@ CASES = [
             c.Avoid(c.Character(library.clips[1], (300.0, 0.0, 0.0), np.pi / 2)),
         ],
     ),
-    Case("--avoid-self --best-effort", constraints=[c.AvoidSelf()]),
-    Case("--face 10,100,20@1s-2s --best-effort", constraints=[c.Face(HAND, frames=(30, 60))]),
     Case(
-        "--groups lower_torso_larm_rarm --take larm:5=b:{b4} --best-effort",
-        build={"groups": "lower_torso_larm_rarm"},
-        constraints=lambda library: [c.Use(5, ("b", *nth_segment(library, 1, 4)), group="larm")],
+        "--avoid-self --face 10,100,20@1s-2s --best-effort",
+        constraints=[c.AvoidSelf(), c.Face(HAND, frames=(30, 60))],
     ),
-    Case("--ban 5=b --ban 7 --best-effort", constraints=[c.Ban(5, "b"), c.Ban(7, None)]),
-    Case("--only-from b", constraints=[c.OnlyFrom(["b"])]),
-    Case("--not-from b", constraints=[c.NotFrom(["b"])]),
+    Case(
+        "--groups lower_torso_larm_rarm --take larm:5=b:{b4} --ban 8=b --ban 7 --best-effort",
+        build={"groups": "lower_torso_larm_rarm"},
+        constraints=lambda library: [
+            c.Use(5, ("b", *nth_segment(library, 1, 4)), group="larm"),
+            c.Ban(8, "b"),
+            c.Ban(7, None),
+        ],
+    ),
+    Case(
+        "--keep 2s-4s --only-from b --max-angle 60",
+        STEEP,
+        constraints=[c.KeepOriginal(frames=(60, 120)), c.OnlyFrom(["b"]), c.MaxAngle(MAX_ANGLE)],
+    ),
+    Case("--not-from b --max-stretch 0.4", WIDE, constraints=[c.NotFrom(["b"]), c.MaxStretch(0.4)]),
     Case("--only-tagged b", constraints=[c.OnlyFrom(tags=["b"])], source="{lib}"),
     Case("--not-tagged b", constraints=[c.NotFrom(tags=["b"])], source="{lib}"),
-    Case("--max-stretch 0.4", WIDE, constraints=[c.MaxStretch(0.4)]),
-    Case("--max-angle 60", STEEP, constraints=[c.MaxAngle(float(np.radians(60.0)))]),
-    Case(
-        "--reach 90:LeftHand:0,900,0 --best-effort",
-        constraints=[c.Reach("LeftHand", (0.0, 900.0, 0.0), tolerance=0.03, frames=(90, 90))],
-    ),
     Case(
         "--only-violations --avoid sphere:10,100,20,15 --best-effort",
         make=lambda library: [mg.repair(library, constraints=[c.Avoid(c.Sphere(HAND, 15.0))])],

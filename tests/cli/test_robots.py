@@ -90,7 +90,5 @@ def test_export_robot_writes_the_files_of_trackers(succeed, walks, tmp_path):
     np.testing.assert_array_equal(copy, given)
 
 
-def test_robot_table_without_model_is_an_invalid_file(run, walks):
-    code, _, err = run("info", walks[1][0])
-    assert code == 3
-    assert "expected the model of the robot, got none: give --model" in err
+def test_robot_table_without_model_is_an_invalid_file(fail, walks):
+    assert "expected the model of the robot, got none: give --model" in fail(3, "info", walks[1][0])

@@ -122,10 +122,9 @@ def test_relabelled_changes_labels_only(library):
 
 
 def test_candidates_list_reasons_and_check_arguments(library):
-    for segment in (0, 5, len(library.segments) - 1):
-        candidates = mg.candidates(library, segment, "upper")
-        assert candidates.allowed[0].segment == segment
-        assert all(candidate.refused for candidate in candidates.refused)
+    candidates = mg.candidates(library, 5, "upper")
+    assert candidates.allowed[0].segment == 5
+    assert all(candidate.refused for candidate in candidates.refused)
     with pytest.raises(ValueError, match="not the base group, which is kept; got 'lower'"):
         mg.candidates(library, 0, "lower")
     with pytest.raises(ValueError, match="`group` must be one of lower, upper, got 'tail'"):

@@ -124,6 +124,7 @@ def test_viewer_commands_replay_all_choices(
         pin(page, 3, part + 3)
         click(page, "[data-part=ranges] button:nth-child(1)")
         pin(page, 3, part + 6)
+        click(page, "[data-part=donors] tr:nth-child(2) button[data-choice^=ban]")
         page.evaluate("mograft.state.range = [300, 340]")
         page.evaluate("mograft.seek(300)")
         wait_until(page, "document.querySelector('[data-part=ranges]').textContent.includes('300')")
@@ -137,18 +138,25 @@ def test_viewer_commands_replay_all_choices(
         click(page, ".caption:nth-child(3) [data-mark=reject]")
         others = fields.nth(1).input_value()
     given = [word for word in shlex.split(command) if word.startswith("--")]
-    assert [word for word in given if word != "--as"] == ["--from", "--take", "--keep", "--change"]
+    flags = ["--from", "--take", "--keep", "--ban", "--change"]
+    assert [word for word in given if word != "--as"] == flags
     for line in (command, *(keep.split(" && ") if suffix == ".glb" else ())):
         program, *rest = shlex.split(line)
         assert program == "mograft"
         assert main(rest) == 0, (line, capsys.readouterr().err)
-    offset = sum(table["counts"][:part]) + 1
-    taken = (data["donors"][table["source"][offset]], table["first"][offset], table["last"][offset])
     written = "long.glb#take0_graft1_new" if suffix == ".glb" else "take0_graft1_new.json"
     new = replay(written)
     upper = new.substitutions
-    own = upper[part]
-    assert (own.clip, own.donor_start, own.donor_stop) == taken
+
+    def donors(at):
+        """The second listed donor of a segment, and its donor in the new motion."""
+        listed, own = sum(table["counts"][:at]) + 1, upper[at]
+        name = data["donors"][table["source"][listed]]
+        second = (name, table["first"][listed], table["last"][listed])
+        return second, (own.clip, own.donor_start, own.donor_stop)
+
+    assert len(set(donors(part))) == 1  # taken
+    assert len(set(donors(part + 6))) == 2  # banned
     assert upper[part + 3].is_own
     assert [change.frames for change in new.changes] == [(300, 340)]
     assert len(row["start"]) == len(upper)

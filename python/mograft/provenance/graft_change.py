@@ -1,6 +1,6 @@
 """Changes of a graft: another part of a clip for a group, from one frame to another."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import islice
 from math import ceil
@@ -89,8 +89,7 @@ def change(
     >>> (waved.motion.rotations[161:] == new.motion.rotations[161:]).all()
     np.True_
     """
-    if is_partial(graft.library):
-        raise ValueError("the whole library is needed to find donors: use replay(path, library)")
+    check_whole(graft)
     span = as_span("frames", frames)
     source = unchanged(graft)
     problem = plan_of(source, (*graft.request.constraints, *constraints)).problem
@@ -111,6 +110,17 @@ def change(
     )
     source = replace(source, request=replace(graft.request, constraints=problem.constraints))
     return apply_changes(source, problem, (*graft.changes, made))
+
+
+def check_whole(graft: Graft) -> None:
+    """Raise ValueError if the library of a graft has only the clips of the graft."""
+    if is_partial(graft.library):
+        raise ValueError("the whole library is needed to find donors: use replay(path, library)")
+
+
+def is_among(own: Constraint, constraints: Iterable[Constraint]) -> bool:
+    """Return whether a constraint is one of `constraints`, not only equal to one."""
+    return any(own is each for each in constraints)
 
 
 def unchanged(graft: Graft) -> Graft:

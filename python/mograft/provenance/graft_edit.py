@@ -12,10 +12,8 @@ from mograft._util.runs import dilate, find_runs
 from mograft._util.validate import as_integer
 from mograft.blend.recombine import splice
 from mograft.errors import join_names, suggest_frames
-from mograft.library.origin import is_partial
 from mograft.motion.motion import Motion
-from mograft.motion.segments import Segments
-from mograft.provenance.graft_change import apply_changes, plan_of, unchanged
+from mograft.provenance.graft_change import apply_changes, check_whole, is_among, plan_of, unchanged
 from mograft.search.constraint_records import UnrestoredConstraint
 from mograft.search.constraints import Constraint, overlaps
 from mograft.search.donor_constraints import Ban, DonorReference, KeepOriginal, Use
@@ -82,8 +80,7 @@ def edit(graft: Graft, *edits: Constraint, seed: int | None = None) -> Graft:
     >>> (edited.motion.rotations[400:] == new.motion.rotations[400:]).all()
     np.True_
     """
-    if is_partial(graft.library):
-        raise ValueError("the whole library is needed to replace donors: use replay(path, library)")
+    check_whole(graft)
     for own in edits:
         if not isinstance(own, Constraint):
             raise TypeError(f"edits must be constraints, got {own!r}")
@@ -94,7 +91,6 @@ def edit(graft: Graft, *edits: Constraint, seed: int | None = None) -> Graft:
     seed = graft.seed if seed is None else as_integer("seed", seed)
     changes, graft = graft.changes, unchanged(graft)
     problem = plan_of(graft, ()).problem
-    groups, cut = list(problem.pools), problem.base_segments
     rules = _resolve_edits(graft, [own for own in edits if isinstance(own, _RULES)], problem)
     added = [own for own in edits if not isinstance(own, _RULES)]
     old = list(graft.request.constraints)
@@ -105,11 +101,11 @@ def edit(graft: Graft, *edits: Constraint, seed: int | None = None) -> Graft:
                 "contain: the new donors need not satisfy it",
                 stacklevel=2,
             )
-    kept = [*remaining_constraints(old, rules, groups, cut), *added]
+    kept = [*remaining_constraints(old, rules, problem), *added]
     plan = plan_of(graft, [*kept, *(own for own in rules if not _bans_present(own))])
     if any(map(_bans_present, rules)):
         plan = plan_of(graft, [*kept, *_with_present_donors(graft, plan.problem, rules)])
-    edited = position_masks(rules, groups, cut)
+    edited = position_masks(rules, problem)
     is_open = edited | (violating_positions(graft, plan.problem, old) if added else False)
     result = choose_again(graft, plan, is_open, seed)
     return apply_changes(result, plan.problem, remaining_changes(changes, plan.problem, edited))
@@ -136,8 +132,7 @@ def violating_positions(
     motion = finish_motion(problem, assembly.motion, graft.donors)[0]
     for row, (group, donors) in enumerate(graft.donors.items()):
         for own in find_motion_violations(problem, motion, {group: donors}):
-            is_new = not any(own.constraint is known for known in old)
-            if is_new and own.constraint.applies_to_group(group):
+            if not is_among(own.constraint, old) and own.constraint.applies_to_group(group):
                 selected[row] |= overlaps(problem.base_segments, own.frames)
         selected[row] = dilate(selected[row])
     return selected
@@ -191,13 +186,13 @@ def _with_present_donors(
 
     Warn about the segments that have no other candidate in `problem`: they are not banned.
     """
-    groups, cut, rules = list(problem.pools), problem.base_segments, list[Constraint]()
+    groups, rules = list(problem.pools), list[Constraint]()
     n_banned = n_alone = 0
     for edit in edits:
         if not _bans_present(edit):
             rules.append(edit)
             continue
-        for row, position in np.argwhere(position_masks([edit], groups, cut)).tolist():
+        for row, position in np.argwhere(position_masks([edit], problem)).tolist():
             group = groups[row]
             n_banned += 1
             if (problem.candidates[group][position] != graft.donors[group][position]).any():
@@ -226,40 +221,35 @@ def _ban_present(graft: Graft, problem: SearchProblem, group: str, position: int
     return Ban(frames=span, donor=reference, group=group)
 
 
-def position_masks(
-    constraints: Sequence[Constraint], groups: Sequence[str], segments: Segments
-) -> BoolArray:
+def position_masks(constraints: Sequence[Constraint], problem: SearchProblem) -> BoolArray:
     """Return which base segments constraints select, shape (n_groups, n_segments)."""
-    selected = np.zeros((len(groups), len(segments)), bool)
+    selected = np.zeros((len(problem.pools), len(problem.base_segments)), bool)
     for own in constraints:
-        is_in_group = [own.applies_to_group(group) for group in groups]
-        selected[is_in_group] |= overlaps(segments, own.frames)
+        is_in_group = [own.applies_to_group(group) for group in problem.pools]
+        selected[is_in_group] |= overlaps(problem.base_segments, own.frames)
     return selected
 
 
 def remaining_constraints(
-    constraints: Sequence[Constraint],
-    edits: Sequence[Constraint],
-    groups: Sequence[str],
-    segments: Segments,
+    constraints: Sequence[Constraint], edits: Sequence[Constraint], problem: SearchProblem
 ) -> list[Constraint]:
     """Return the constraints that remain after edits.
 
     At the segments of an edit, earlier hard `Use` and `KeepOriginal` no longer apply; at those of
     a `Use` or `KeepOriginal` edit, earlier hard `Ban` no longer apply either.
     """
-    edited = position_masks(edits, groups, segments)
-    fixed = position_masks([own for own in edits if not isinstance(own, Ban)], groups, segments)
-    kept: list[Constraint] = []
+    segments, kept = problem.base_segments, list[Constraint]()
+    edited = position_masks(edits, problem)
+    fixed = position_masks([own for own in edits if not isinstance(own, Ban)], problem)
     for constraint in constraints:
-        selected = position_masks([constraint], groups, segments)
+        selected = position_masks([constraint], problem)
         removed = fixed if isinstance(constraint, Ban) else edited
-        if not isinstance(constraint, Use | Ban | KeepOriginal) or not (
+        if not isinstance(constraint, _RULES) or not (
             constraint.is_hard and (selected & removed).any()
         ):
             kept.append(constraint)
             continue
-        for group, mask in zip(groups, selected & ~removed, strict=True):
+        for group, mask in zip(problem.pools, selected & ~removed, strict=True):
             for start, stop in find_runs(mask).tolist():
                 span = (int(segments.start[start]), int(segments.stop[stop - 1]))
                 kept.append(replace(constraint, frames=span, group=group))
@@ -299,7 +289,7 @@ def choose_again(
     reaches = [
         own
         for own in plan.problem.constraints
-        if type(own) is Reach and not any(own is old for old in graft.request.constraints)
+        if type(own) is Reach and not is_among(own, graft.request.constraints)
     ]
     # Those without a weight any more were removed.
     reaches += [own.reach for own in graft.reach_completions if own.reach.weight == 0]

@@ -10,8 +10,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, IntArray
 from mograft._util.cancel import CancelledError
 from mograft.blend.reach_completion import ReachCompletion
-from mograft.library.origin import is_partial
-from mograft.provenance.graft_change import apply_changes, plan_of, unchanged
+from mograft.provenance.graft_change import apply_changes, check_whole, is_among, plan_of, unchanged
 from mograft.provenance.graft_edit import (
     choose_again,
     position_masks,
@@ -43,7 +42,7 @@ def regenerate(graft: Graft, ranges: Ranges, seed: int, *, locked: Ranges = ()) 
     theirs. The constraints `Use` and `KeepOriginal` no longer apply to these segments. Raise
     ValueError if the library has only the clips of the graft.
     """
-    _check_whole(graft)
+    check_whole(graft)
     changes, graft = graft.changes, unchanged(graft)
     problem = plan_of(graft, ()).problem
     groups, cut = list(problem.pools), problem.base_segments
@@ -52,7 +51,7 @@ def regenerate(graft: Graft, ranges: Ranges, seed: int, *, locked: Ranges = ()) 
         Ban(frames=(int(cut.start[at]), int(cut.stop[at])), group=groups[row])
         for row, at in np.argwhere(is_open).tolist()
     ]
-    kept = remaining_constraints(graft.request.constraints, rules, groups, cut)
+    kept = remaining_constraints(graft.request.constraints, rules, problem)
     plan = plan_of(graft, kept)
     candidates = {
         group: [
@@ -69,7 +68,7 @@ def regenerate(graft: Graft, ranges: Ranges, seed: int, *, locked: Ranges = ()) 
 def select_positions(problem: SearchProblem, ranges: Ranges) -> BoolArray:
     """Return the positions that ranges of frames of groups select, (n_groups, n_segments)."""
     rules = [KeepOriginal(frames=frames, group=group) for group, frames in ranges]
-    return position_masks(rules, list(problem.pools), problem.base_segments)
+    return position_masks(rules, problem)
 
 
 def _without(candidates: np.ndarray, donor: int) -> np.ndarray:
@@ -79,12 +78,7 @@ def _without(candidates: np.ndarray, donor: int) -> np.ndarray:
 
 
 def constrain(
-    graft: Graft,
-    constraints: Sequence[Constraint],
-    *,
-    locked: Ranges = (),
-    seed: int | None = None,
-    is_quick: bool = False,
+    graft: Graft, constraints: Sequence[Constraint], *, locked: Ranges = (), is_quick: bool = False
 ) -> Graft:
     """Return the graft with other constraints.
 
@@ -96,7 +90,7 @@ def constrain(
     the two results is returned; if this is cancelled (`mograft._util.cancel`), the first. Raise
     ValueError if the library has only the clips of the graft.
     """
-    _check_whole(graft)
+    check_whole(graft)
     changes, graft = graft.changes, unchanged(graft)
     old = graft.request.constraints
     graft, retired = _retire(graft, constraints)
@@ -104,21 +98,20 @@ def constrain(
     problem = plan.problem
     is_open: BoolArray = np.zeros((len(problem.pools), len(problem.base_segments)), bool)
     pairs = zip(constraints, problem.constraints, strict=False)
-    known = [own for given, own in pairs if any(given is each for each in old)]
+    known = [own for given, own in pairs if is_among(given, old)]
     if len(known) < len(constraints):
         is_open = violating_positions(graft, problem, [*known, *retired])
         is_open &= ~select_positions(problem, locked)
-    is_reaching = any(type(own) is Reach for own in constraints if not _is_in(own, old))
+    is_reaching = any(type(own) is Reach for own in constraints if not is_among(own, old))
     if is_open.any() or is_reaching or retired:
-        seed = graft.seed if seed is None else seed
         if problem.root_group is not None:
-            new = choose_again(graft, plan, is_open, seed)
+            new = choose_again(graft, plan, is_open, graft.seed)
         else:
             near = partial(_choose_near, is_open=is_open)
-            new = choose_again(graft, _with_nearest(plan, is_open), is_open, seed, near)
+            new = choose_again(graft, _with_nearest(plan, is_open), is_open, graft.seed, near)
             if not is_quick and is_open.any() and can_be_removed(new, problem):
                 with suppress(CancelledError):
-                    other = choose_again(graft, plan, is_open, seed)
+                    other = choose_again(graft, plan, is_open, graft.seed)
                     new = min(new, other, key=total_excess)
     else:
         violations = find_motion_violations(problem, graft.motion, graft.donors)
@@ -157,10 +150,6 @@ def _choose_near(plan: GraftPlan, *, is_open: BoolArray) -> DonorSequences:
     return repair_near(plan.problem, donors, trellises, first, stop)
 
 
-def _is_in(own: Constraint, constraints: Sequence[Constraint]) -> bool:
-    return any(own is each for each in constraints)
-
-
 def _retire(graft: Graft, constraints: Sequence[Constraint]) -> tuple[Graft, list[Constraint]]:
     """Return a graft in which the targets left out have weight 0, and these targets."""
     history = (*graft.completion_history, graft.reach_completions)
@@ -168,7 +157,7 @@ def _retire(graft: Graft, constraints: Sequence[Constraint]) -> tuple[Graft, lis
     removed = [
         own
         for own in graft.request.constraints
-        if isinstance(own, Reach) and _is_in(own, used) and not _is_in(own, constraints)
+        if isinstance(own, Reach) and is_among(own, used) and not is_among(own, constraints)
     ]
     others = {id(own): replace(own, frame=None, weight=0.0) for own in removed}
     if not others:
@@ -187,8 +176,3 @@ def _retire(graft: Graft, constraints: Sequence[Constraint]) -> tuple[Graft, lis
         ),
         [others[id(own)] for own in removed],
     )
-
-
-def _check_whole(graft: Graft) -> None:
-    if is_partial(graft.library):
-        raise ValueError("the whole library is needed to replace donors: use replay(path, library)")

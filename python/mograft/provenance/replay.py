@@ -14,7 +14,7 @@ from mograft.config import Config
 from mograft.errors import DAMAGE, ProvenanceError
 from mograft.library.library import Library
 from mograft.library.origin import hash_poses
-from mograft.provenance.graft_change import apply_changes
+from mograft.provenance.graft_change import apply_changes, is_among
 from mograft.provenance.graft_edit import splice_versions
 from mograft.provenance.graft_record import (
     GraftRecord,
@@ -210,8 +210,8 @@ def _finish_versions(
         if graft is not None:
             known = [own.reach for own in completions[-1]]
             # Both those that were added and those that were removed.
-            other = [own for own in reaches if not any(own is old for old in known)]
-            other += [own for own in known if not any(own is new for new in reaches)]
+            other = [own for own in reaches if not is_among(own, known)]
+            other += [own for own in known if not is_among(own, reaches)]
             steps = versions[index - 1], donors
             adjust = partial(splice_versions, plan.problem, *steps, graft.motion, reaches=other)
         moved = [own.reach for own in found if own.is_moved] if is_same else every

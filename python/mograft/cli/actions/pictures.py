@@ -2,7 +2,7 @@
 
 import io
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,7 +33,6 @@ from mograft.io.export_figure import UNITS, guess_unit
 from mograft.io.formats import read_clip, split_address
 from mograft.io.glb import write_glb
 from mograft.io.gltf.document import GltfFile
-from mograft.io.npz import write_npz
 from mograft.io.robots.trackers import write_tracker
 from mograft.io.smpl.amass import write_amass
 from mograft.io.usd import write_usd
@@ -60,11 +59,7 @@ _KINDS_OF_OPTION: Mapping[str, tuple[str, ...]] = {
 }
 _FIGURES = (".glb", ".usd", ".usda", ".usdc")
 _FILMS = (".mp4", ".gif")
-_TABLE_WRITERS: Mapping[str, Callable[[Motion, Path], object]] = {
-    ".npz": write_npz,
-    ".csv": WRITERS[".csv"],
-}
-_ENDINGS = (*_FIGURES, *_FILMS, *_TABLE_WRITERS, ".bvh")
+_ENDINGS = (*_FIGURES, *_FILMS, ".npz", ".csv", ".bvh")
 _ENDINGS_OF_SEVERAL = (".glb", *_FILMS)
 _ENDINGS_OF_OPTION = {
     "scale": _FIGURES,
@@ -288,7 +283,7 @@ def _export(options: ExportOptions, sources: Sequence[str]) -> dict[str, Any]:
             elif options.like is not None:
                 write_amass(motions[0], target, like=options.like)
             else:
-                _TABLE_WRITERS[ending](motions[0], target)
+                WRITERS[ending](motions[0], target)
             document |= {"up": "as in the file", "unit": "of the file"}
             print_remark(f"{target.name}: unit and axes of {sources[0]}")
     return document
