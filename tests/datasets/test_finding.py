@@ -42,20 +42,12 @@ def test_nearest_runs_match_exhaustive_search(stored, clip, first, n, count, gro
     is_wanted = np.random.default_rng(seed).random(len(cut)) < 0.97
     query = _Query(stored, own, groups, np.zeros(0, int), is_wanted, count)
     found, distances = query.nearest_runs(np.arange(len(cut))).T
-    totals = {}
+    spaces = [stored.embedding[group].points / stored.sigma[group] for group in groups]
+    points, totals = np.concatenate(spaces, axis=1), {}
     for run in range(len(cut) - len(own) + 1):
         members = np.arange(run, run + len(own))
         if len(set(cut.clip[members].tolist())) == 1 and is_wanted[members].all():
-            totals[run] = sum(
-                (
-                    (
-                        (stored.embedding[g].points[members] - stored.embedding[g].points[own])
-                        / stored.sigma[g]
-                    )
-                    ** 2
-                ).sum()
-                for g in groups
-            )
+            totals[run] = ((points[members] - points[own]) ** 2).sum()
     expected = []
     for run in sorted(totals, key=totals.get):
         if all(abs(run - other) >= len(own) for other in expected):
