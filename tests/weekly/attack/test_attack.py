@@ -26,7 +26,7 @@ def test_few_trials_have_no_failure(name, tmp_path):
     ("name", "scale", "commands"),
     [
         *(("failed_calls", 0.05, own) for own in ("index", "index --add", "augment npz")),
-        *(("lost_writes", 0.05, "index --add"), ("full_disks", 0.02, "index --add")),
+        *(("lost_writes", 0.05, "index --add"), ("full_disks", 0.05, "index --add")),
         *(pytest.param(name, 0.1, None, marks=pytest.mark.thorough) for name in COMMANDS),
     ],
 )
