@@ -206,26 +206,6 @@ def test_windows_exclude_faults(takes):
     assert not ((own <= 120) & (own + windows.n_frames > 120)).any()
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"seconds": 0.0}, "`seconds`"),
-        ({"seconds": 60.0}, "`seconds` must be at most .*, the longest span"),
-        ({"stride": 0.01}, "`stride` must be at least one frame, got 0.01"),
-        ({"stride": float("nan")}, "`stride`"),
-        ({"min_new": 2.0}, "`min_new`"),
-        ({"bases": "none*"}, "`bases` must match"),
-        ({"features": ["rotation"]}, "did you mean 'rotations'"),
-        ({"features": []}, "`features` must name"),
-        ({"features": ["humanml3d"]}, "needs the 22 joints of SMPL"),
-        ({"split": {"p0_100": "train", "p0_700": "val"}, "part": "tset"}, "`part` must be one of"),
-    ],
-)
-def test_wrong_options_are_refused(stored, options, message):
-    with pytest.raises(ValueError, match=message):
-        datasets.augment(stored, **options)
-
-
 def test_refused_duration_names_the_longest_one_that_is_accepted(stored):
     with pytest.raises(ValueError, match="longest span") as caught:
         datasets.augment(stored, seconds=60.0)

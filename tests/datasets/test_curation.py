@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft import datasets
 from mograft.cli import main
-from tests.exit_codes import exit_code
 from tests.strategies import few_examples
 
 
@@ -89,22 +88,6 @@ def test_share_is_not_exceeded(with_copies, share):
     assert wider.kept == found.kept
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"radius": 1.0, "keep": 0.1}, "together with `radius`"),
-        ({"radius": 0.0}, "`radius` must be"),
-        ({"shards": 0}, "`shards` must be"),
-        ({"keep": 1.5}, "`keep` must be"),
-        ({"keep": 0.001}, "`keep` must be at least"),
-        ({"part": "arms"}, "`group` must be one of"),
-    ],
-)
-def test_wrong_options_are_refused(with_copies, options, message):
-    with pytest.raises(ValueError, match=message):
-        datasets.curate(with_copies, **options)
-
-
 def test_too_few_segments_are_an_error(takes):
     with pytest.warns(UserWarning, match="too few"):
         library = mg.Library.build(takes[0][:8])
@@ -135,25 +118,6 @@ def test_command_prints_the_kept_files_and_writes_a_table(stored, tmp_path, caps
     assert main([*words, "--shards", "2", "-j", "2", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert [own["clip"] for own in document["clips"] if own["is_kept"]] == found.kept
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "message"),
-    [
-        ("--keep 10% --radius 1", 2, "--keep cannot be combined with --radius"),
-        ("--keep 200%", 2, "must be a share from 0 to 1, or a percentage"),
-        ("--keep 0.1%", 1, "--keep must be at least"),
-        ("--part arms", 1, "must be one of lower, upper"),
-        ("-o {tmp}/a.bvh", 2, "-o must be a folder or a file that ends in .csv"),
-        ("-o {tmp}/a.csv --files copy", 2, "--files requires -o with a folder"),
-        ("-o {lib}", 1, "exists; choose another folder"),
-    ],
-)
-def test_mistakes_are_one_line(stored, tmp_path, capsys, words, code, message):
-    words = words.format(tmp=tmp_path, lib=stored.folder).split()
-    assert exit_code(["curate", str(stored.folder), *words]) == code
-    assert message in capsys.readouterr().err.splitlines()[-1]
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("files", ["link", "copy", None])

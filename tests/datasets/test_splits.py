@@ -155,9 +155,3 @@ def test_wrong_table_is_refused(stored, tmp_path, text, message):
     (tmp_path / "parts.csv").write_text(text)
     with pytest.raises(ValueError, match=message.replace("*", r"\*")):
         select_part(stored, tmp_path / "parts.csv", "train", 0)
-
-
-@pytest.mark.parametrize("split", ["auto:", "auto:clips", "auto:clip:x", "auto:tag:none*"])
-def test_wrong_automatic_split_is_refused(stored, split):
-    with pytest.raises(ValueError, match="`split`"):
-        select_part(stored, split, "train", 0)

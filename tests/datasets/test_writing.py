@@ -21,7 +21,6 @@ from mograft.cli import main
 from mograft.dancer import dance
 from mograft.datasets import measuring, shards, writing
 from mograft.datasets.augmentation import PROVENANCE
-from tests.exit_codes import exit_code
 
 
 def contents(folder):
@@ -268,29 +267,6 @@ def test_command_and_python_give_the_same_bytes(stored, tmp_path, capsys):
     assert json.loads(out) == {"schema": manifest["schema"], **manifest}
     assert "9 windows, 13.5 s" in err
     assert "clips; " in err
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "message"),
-    [
-        ("-o {out} -n 5 --resume", 1, "No such folder"),
-        ("-o {full} -n 5", 1, "exists; use --resume to continue it"),
-        ("-o {out} -n 5 --split none.csv", 1, "none.csv"),
-        ("-o {out} -n 5 --split auto:clips", 1, "--split must be a file, auto:clip"),
-        ("-o {out} -n 5 --bases none", 1, "--bases must match"),
-        ("-o {out} -n 5 --features roots", 1, "did you mean 'root'?"),
-        ("-o {out}.bvh -n 5", 2, "-o must be a folder"),
-        ("-o {out} -n 0", 2, "--count: must be from 1 to 10000000"),
-    ],
-)
-def test_mistakes_are_one_line_and_write_nothing(stored, tmp_path, capsys, words, code, message):
-    (tmp_path / "full").mkdir()
-    (tmp_path / "full/a.txt").write_text("mine")
-    words = words.format(out=tmp_path / "out", full=tmp_path / "full").split()
-    assert exit_code(["augment", str(stored.folder), *words]) == code
-    err = capsys.readouterr().err
-    assert message in err.splitlines()[-1]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["full"]
 
 
 def test_motion_files_need_one_process(clip_folder, tmp_path, capsys):

@@ -39,51 +39,41 @@ class Command:
 
 _INDEX = "index in/a.bvh -o work/l"
 _AUGMENT = "augment made/l -o work/s -n 4 --seconds 1 --format"
+_EXPORT = "export in/a.bvh --force -o work/a"
 # The provenance holds the command, so that the next start has the same arguments.
 _GRAFT = "graft in/a.bvh -o work/out -n 2 --force"
-COMMANDS = [
-    own
-    for own in (
-        Command("index", f"{_INDEX} --force"),
-        Command("index -j 2", "index in -o work/l -j 2 --force"),
-        Command("index --add", "index in -o work/l --add", _INDEX),
-        Command("index --force", "index in/b.bvh -o work/l --force", _INDEX),
-        Command("graft", _GRAFT),
-        Command("graft --force", f"{_GRAFT} --seed 5", _GRAFT),
-        Command("graft --report", "graft in/a.bvh -o work/g.bvh --report --force"),
-        Command("graft --from", "graft --from made/g.json -o work/g.bvh --force"),
-        Command("lib export csv", "lib export made/l --format csv -o work/t --force"),
-        Command("lib export npz", "lib export made/l --format npz -o work/t.npz --force"),
-        Command(
-            "lib export parquet",
-            "lib export made/l --format parquet -o work/t --force",
-            needs="pyarrow",
-        ),
-        Command("demo", "demo -o work/d --force"),
-        Command("find", "find in/a.bvh made/l --frames 0-40 -o work/f.html --force"),
-        Command("augment npz", f"{_AUGMENT} npz", resumes=True),
-        Command("augment parquet", f"{_AUGMENT} parquet", needs="pyarrow", resumes=True),
-        Command("curate", "curate made/l -o work/chosen --keep 50% -q --force", keeps=True),
-        Command("groups", "groups in/a.bvh -o work/groups.toml --force"),
-        Command("view", "view in/a.bvh -o work/a.html --force"),
-        Command("plot png", "plot strip in/a.bvh -o work/a.png --force", needs="matplotlib"),
-        Command("plot svg", "plot energy in/a.bvh -o work/a.svg --force", needs="matplotlib"),
-        *(
-            Command(f"export {kind}", f"export in/a.bvh -o work/a.{kind} --force",
-                    f"export in/b.bvh -o work/a.{kind}" if is_replaced else "", needs)
-            for kind, is_replaced, needs in (
-                ("bvh", False, "mograft"), ("csv", False, "mograft"), ("glb", True, "mograft"),
-                ("npz", True, "mograft"), ("usda", True, "pxr"), ("usdc", True, "pxr"),
-            )
-        ),
-        *(
-            Command(f"export {kind}", f"export in/a.bvh -o work/a.{kind} --size 64x64 --force",
-                    needs=needs)
-            for kind, needs in (("gif", "PIL"), ("mp4", "imageio_ffmpeg"))
-        ),
-    )
-    if find_spec(own.needs) is not None
-]  # fmt: skip
+_PARQUET = "lib export made/l --format parquet -o work/t --force"
+_EVERY = (
+    Command("index", f"{_INDEX} --force"),
+    Command("index -j 2", "index in -o work/l -j 2 --force"),
+    Command("index --add", "index in -o work/l --add", _INDEX),
+    Command("index --force", "index in/b.bvh -o work/l --force", _INDEX),
+    Command("graft", _GRAFT),
+    Command("graft --force", f"{_GRAFT} --seed 5", _GRAFT),
+    Command("graft --report", "graft in/a.bvh -o work/g.bvh --report --force"),
+    Command("graft --from", "graft --from made/g.json -o work/g.bvh --force"),
+    Command("lib export csv", "lib export made/l --format csv -o work/t --force"),
+    Command("lib export npz", "lib export made/l --format npz -o work/t.npz --force"),
+    Command("lib export parquet", _PARQUET, needs="pyarrow"),
+    Command("demo", "demo -o work/d --force"),
+    Command("find", "find in/a.bvh made/l --frames 0-40 -o work/f.html --force"),
+    Command("augment npz", f"{_AUGMENT} npz", resumes=True),
+    Command("augment parquet", f"{_AUGMENT} parquet", needs="pyarrow", resumes=True),
+    Command("curate", "curate made/l -o work/chosen --keep 50% -q --force", keeps=True),
+    Command("groups", "groups in/a.bvh -o work/groups.toml --force"),
+    Command("view", "view in/a.bvh -o work/a.html --force"),
+    Command("plot png", "plot strip in/a.bvh -o work/a.png --force", needs="matplotlib"),
+    Command("plot svg", "plot energy in/a.bvh -o work/a.svg --force", needs="matplotlib"),
+    Command("export bvh", f"{_EXPORT}.bvh"),
+    Command("export csv", f"{_EXPORT}.csv"),
+    Command("export glb", f"{_EXPORT}.glb", "export in/b.bvh -o work/a.glb"),
+    Command("export npz", f"{_EXPORT}.npz", "export in/b.bvh -o work/a.npz"),
+    Command("export usda", f"{_EXPORT}.usda", "export in/b.bvh -o work/a.usda", needs="pxr"),
+    Command("export usdc", f"{_EXPORT}.usdc", "export in/b.bvh -o work/a.usdc", needs="pxr"),
+    Command("export gif", f"{_EXPORT}.gif --size 64x64", needs="PIL"),
+    Command("export mp4", f"{_EXPORT}.mp4 --size 64x64", needs="imageio_ffmpeg"),
+)
+COMMANDS = [own for own in _EVERY if find_spec(own.needs) is not None]
 
 
 def start(words, folder):
