@@ -15,7 +15,7 @@ import sys
 import tempfile
 import threading
 import time
-from contextlib import chdir, contextmanager
+from contextlib import chdir, closing, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -105,7 +105,7 @@ def print_jitter(motion):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
         out.bind(("127.0.0.1", 0))
         out.settimeout(60.0)
-        with Sender(("127.0.0.1", out.getsockname()[1])) as sender:
+        with closing(Sender(("127.0.0.1", out.getsockname()[1]))) as sender:
             words = (motion, sender, lambda seconds: time.sleep(seconds))
             thread = threading.Thread(target=play, args=words)
             thread.start()

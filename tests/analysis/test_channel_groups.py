@@ -17,7 +17,7 @@ from mograft.analysis.channel_groups import (
 )
 from mograft.analysis.embedding import Samples
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
-from mograft.blend.recombine import Part, recombine
+from mograft.blend.recombine import recombine
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.dancer import dance
@@ -89,26 +89,6 @@ def test_transplant_single_channel_equals_translation_blending(lengths, seed, se
     blended = part.angles[3, "Y"]
     blended = np.where(np.isnan(blended), angle, blended)
     np.testing.assert_allclose(np.sin((blended - expected) / 2), 0.0, atol=1e-6)
-
-
-@given(SEGMENT_LENGTHS, SEEDS)
-def test_recombine_single_channels_alone_change_new_motion_only(lengths, seed):
-    """No joint is replaced as a whole, so that the new rotations start as the base's array."""
-    rng = np.random.default_rng(seed)
-    cut = tile_segments(lengths)
-    base = random_star_clip(rng, cut)
-    first, numbers = base.rotations.copy(), base.channel_numbers().copy()
-    is_new = rng.random(base.n_frames) < 0.5
-    wanted = np.where(is_new, rng.uniform(-3.0, 3.0, base.n_frames), np.nan)
-    none = np.zeros(0, np.int64)
-    part = Part(none, np.zeros((base.n_frames, 0, 4)), None, angles={(3, "Y"): wanted})
-    new = recombine(base, [part], "new")
-    np.testing.assert_array_equal(base.rotations, first)
-    np.testing.assert_array_equal(base.channel_numbers(), numbers)
-    np.testing.assert_array_equal(new.rotations[:, :3], first[:, :3])
-    angle = euler_angles(new, 3)[:, new.skeleton.rotation_order(3).index("Y")]
-    np.testing.assert_allclose(np.sin((angle - wanted)[is_new] / 2.0), 0.0, atol=1e-9)
-    assert_same_rotations(new.rotations[~is_new], first[~is_new])
 
 
 @given(SEEDS, AXES, st.booleans())

@@ -25,14 +25,11 @@ from mograft.motion import rotations
 from tests.oracles import analysis as oracle
 from tests.strategies import (
     SEEDS,
-    assert_same_rotations,
     few_examples,
     motions,
-    quaternions,
     random_star_clip,
     smooth_rotations,
     tile_segments,
-    transform_motion,
 )
 
 ROBUST, PAPER = Config(), Config.paper()
@@ -57,12 +54,6 @@ def matrix_of(motion, config, joints=None):
 def embed_all(samples, joints):
     means = mean_rotations([samples])
     return embed(samples, np.array(joints), means, ROBUST, root=0, group="all")
-
-
-def poses(quats):
-    """Return poses as segments of one sample each."""
-    n, n_joints, _ = quats.shape
-    return Samples(np.concatenate([quats.reshape(n, -1), np.zeros((n, 4))], axis=1), 1, n_joints)
 
 
 @given(SEEDS, st.integers(1, 300), st.integers(1, 3), st.integers(1, 4), st.booleans())
@@ -102,30 +93,6 @@ def test_features_equal_oracle_for_any_signs_of_quaternions(motion, config, seed
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], (*motion.rotations.shape[:2], 1))
     flipped = replace(motion, rotations=signs * motion.rotations)
     np.testing.assert_allclose(matrix_of(flipped, config), expected, atol=1e-9)
-
-
-@few_examples(40)
-@given(LONG, npst.arrays(float, 3, elements=st.floats(-1e3, 1e3)), st.floats(-3, 3))
-def test_features_ignore_translation_and_by_default_heading(motion, shift, yaw):
-    moved = transform_motion(motion, offset=shift)
-    for config in (ROBUST, PAPER):
-        np.testing.assert_allclose(matrix_of(moved, config), matrix_of(motion, config), atol=1e-8)
-    turned = transform_motion(motion, yaw=yaw)
-    np.testing.assert_allclose(matrix_of(turned, ROBUST), matrix_of(motion, ROBUST), atol=1e-8)
-    if abs(yaw) > 0.1:
-        assert np.abs(matrix_of(turned, PAPER) - matrix_of(motion, PAPER)).max() > 1e-3
-
-
-@given(SEEDS, quaternions(()))
-def test_mean_rotations_commute_with_rotation_and_are_central(seed, turn):
-    quats = smooth_rotations(np.random.default_rng(seed), 30, 2)
-    mean = mean_rotations([poses(quats)])
-    turned = mean_rotations([poses(rotations.multiply(turn, quats))])
-    assert_same_rotations(turned, rotations.multiply(turn, mean), 1e-9)
-    assert (
-        rotations.angle(quats, mean).mean(axis=0)
-        <= rotations.angle(quats, quats[0]).mean(axis=0) + 0.2
-    ).all()
 
 
 MATRICES = npst.arrays(

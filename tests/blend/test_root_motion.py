@@ -13,14 +13,7 @@ from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.motion import rotations
 from tests.oracles import blend as oracle
-from tests.strategies import (
-    SEEDS,
-    SEGMENT_LENGTHS,
-    assert_same_rotations,
-    few_examples,
-    random_star_clip,
-    tile_segments,
-)
+from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, random_star_clip, tile_segments
 
 TREATMENTS = st.sampled_from(tuple(SEAM_TREATMENTS))
 BLENDS = st.floats(0.02, 1.0)
@@ -108,22 +101,3 @@ def test_integrate_root_captured_velocities_keep_every_bit(seed, n):
     new = integrate_root(captured, captured, root, root, 1)
     np.testing.assert_array_equal(new.rotations, quats)
     np.testing.assert_array_equal(new.positions, places)
-
-
-@given(SEEDS, st.integers(3, 40))
-def test_integrate_root_keeps_lean_of_closed_motion(seed, n):
-    """Only the rotation about the up axis is that of the source."""
-    rng = np.random.default_rng(seed)
-    quats, closed_quats = (rotations.exp(0.4 * rng.normal(size=(n, 3))) for _ in range(2))
-    places = rng.normal(size=(n, 3))
-    captured = np.zeros((n - 1, 4))
-    captured[:, 3] = yaw_rates(quats, 1)
-    source, closed = RootTransforms(quats, places), RootTransforms(closed_quats, places)
-    new = integrate_root(captured, captured, source, closed, 1).rotations
-    leans = [
-        rotations.multiply(rotations.inverse(rotations.twist(own, 1)), own)
-        for own in (new, closed_quats)
-    ]
-    assert_same_rotations(*leans, 1e-6)
-    rates = np.abs(yaw_rates(new, 1))
-    assert (rates <= np.abs(captured[:, 3]).max() * (1 + 1e-9)).all()

@@ -61,6 +61,7 @@ def test_mass_model_human_has_de_leva_masses():
     assert found.mass[left] == pytest.approx(0.1447 / TOTAL, rel=1e-9)
     assert found.center[left] == pytest.approx(0.3855)
     assert found.gyration[right] == pytest.approx(0.3465)
+    assert found.gyration[skeleton.index("LeftKnee")] == pytest.approx(0.2545)
 
 
 def test_mass_model_part_mass_is_divided_by_bone_length():

@@ -1,28 +1,11 @@
 """Libraries from which the tests make data sets."""
 
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import replace
 
 import pytest
 
 import mograft as mg
 from mograft.dancer import dance
-
-
-@contextmanager
-def executor_of(workers):
-    """Two threads, or two local workers of Dask."""
-    if workers == "threads":
-        with ThreadPoolExecutor(2) as pool:
-            yield pool
-        return
-    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
-    cluster = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
-    )
-    with cluster, distributed.Client(cluster) as client:
-        yield client.get_executor()
 
 
 @pytest.fixture(scope="session")

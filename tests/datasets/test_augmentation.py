@@ -67,19 +67,10 @@ def test_frames_of_a_leak_would_be_found(takes):
     assert smallest_angles(test[:3], test).max() < 1e-6
 
 
-def test_windows_of_a_base_share_grafts_also_if_none_is_new_enough(stored, monkeypatch):
-    built, build = [], augmentation.build_graft
-
-    def count(*arguments):
-        built.append(arguments[3])
-        return build(*arguments)
-
-    monkeypatch.setattr(augmentation, "build_graft", count)
-    monkeypatch.setattr(augmentation, "frame_newness", lambda _: (np.zeros(10_000),))
-    windows = datasets.augment(stored, seconds=1.0)
-    assert len([windows[index] for index in range(3)]) == 3
-    assert len(built) > 1
-    assert sorted(built) == list(range(len(built)))
+def places_of(windows):
+    """The base and the first frame of each window."""
+    pairs = zip(windows.bases.tolist(), windows.starts, strict=True)
+    return [(base, start) for base, own in pairs for start in own.tolist()]
 
 
 @few_examples(8)
@@ -97,15 +88,8 @@ def test_windows_depend_on_base_and_start_alone(stored, seconds, stride, epoch, 
         for own in (None, stride / stored.rate)
     )
     assert all(np.diff(own).min(initial=stride) == stride for own in other.starts)
-    places = [
-        (base, start)
-        for windows in (whole, other)
-        for base, own in zip(windows.bases, windows.starts, strict=True)
-        for start in own.tolist()
-    ]
-    n = len(whole)
-    rows = {place: k for k, place in enumerate(places[n:])}
-    both = [(k, rows[place]) for k, place in enumerate(places[:n]) if place in rows]
+    rows = {place: k for k, place in enumerate(places_of(other))}
+    both = [(k, rows[place]) for k, place in enumerate(places_of(whole)) if place in rows]
     assert len(both) >= len(whole.bases)
     other._draws.limit = size
     for row in np.random.default_rng(seed).integers(0, len(both), 4).tolist():
@@ -134,11 +118,7 @@ def test_grafts_are_made_once_in_any_order(stored, takes, monkeypatch, has_few):
         library = mg.Library.build(takes[0][:130], config=config)
     windows = datasets.augment(library, seconds=1.0, stride=0.5, min_new=min_new)
     joints, n = library.joints("upper"), windows.n_frames
-    places = [
-        (base, start)
-        for base, own in zip(windows.bases, windows.starts, strict=True)
-        for start in own.tolist()
-    ]
+    places = places_of(windows)
     for index in np.random.default_rng(0).permutation(len(windows)):
         base, start = places[index]
         quats = library.clips[base].rotations[start : start + n, joints]
@@ -224,26 +204,6 @@ def test_windows_exclude_faults(takes):
     own = windows.starts[windows.bases.tolist().index(1)]
     assert len(own)
     assert not ((own <= 120) & (own + windows.n_frames > 120)).any()
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"seconds": 0.0}, "`seconds`"),
-        ({"seconds": 60.0}, "`seconds` must be at most .*, the longest span"),
-        ({"stride": 0.01}, "`stride` must be at least one frame, got 0.01"),
-        ({"stride": float("nan")}, "`stride`"),
-        ({"min_new": 2.0}, "`min_new`"),
-        ({"bases": "none*"}, "`bases` must match"),
-        ({"features": ["rotation"]}, "did you mean 'rotations'"),
-        ({"features": []}, "`features` must name"),
-        ({"features": ["humanml3d"]}, "needs the 22 joints of SMPL"),
-        ({"split": {"p0_100": "train", "p0_700": "val"}, "part": "tset"}, "`part` must be one of"),
-    ],
-)
-def test_wrong_options_are_refused(stored, options, message):
-    with pytest.raises(ValueError, match=message):
-        datasets.augment(stored, **options)
 
 
 def test_refused_duration_names_the_longest_one_that_is_accepted(stored):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mograft import datasets
-from mograft.datasets import shards, writing
+from mograft.datasets import writing
 from mograft.io import lerobot
 
 parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
@@ -97,33 +97,6 @@ def test_pandas_reads_tasks_by_their_names(folder):
     assert tasks.task_index.tolist() == [0]
 
 
-@pytest.mark.parametrize("n_written", [1, 7])  # a file without provenance; some of `meta`
-def test_interrupted_call_is_continued_with_the_same_bytes(
-    stored, folder, tmp_path, monkeypatch, n_written
-):
-    windows = datasets.augment(stored, seconds=1.5, features=FEATURES)
-    monkeypatch.setattr(writing, "SHARD_SIZE", SHARD)
-    monkeypatch.setattr(lerobot, "_CHUNK", 2)
-    steps, write = iter(range(100)), shards.write_bytes
-
-    def stop(*arguments):
-        if next(steps) == n_written:
-            raise KeyboardInterrupt
-        write(*arguments)
-
-    monkeypatch.setattr(shards, "write_bytes", stop)
-    with pytest.raises(KeyboardInterrupt):
-        datasets.write(windows, tmp_path / "set", N, format="lerobot")
-    monkeypatch.setattr(shards, "write_bytes", write)
-    datasets.write(windows, tmp_path / "set", N, format="lerobot", resume=True)
-    expected = {path.relative_to(folder / "lerobot") for path in (folder / "lerobot").rglob("*.*")}
-    assert {path.relative_to(tmp_path / "set") for path in (tmp_path / "set").rglob("*.*")} == (
-        expected
-    )
-    for path in expected:
-        assert (tmp_path / "set" / path).read_bytes() == (folder / "lerobot" / path).read_bytes()
-
-
 def test_set_without_windows_is_whole(stored, tmp_path):
     windows = replace(datasets.augment(stored), min_new=2.0)
     manifest = datasets.write(windows, tmp_path / "set", 3, format="lerobot")
@@ -138,11 +111,3 @@ def test_features_of_another_rate_are_refused(tmp_path, stored):
     with pytest.raises(ValueError, match="`format` lerobot needs a row for each frame"):
         datasets.write(windows, tmp_path / "set", 2, format="lerobot")
     assert not list(tmp_path.iterdir())
-
-
-def test_other_folder_is_not_overwritten(stored, tmp_path):
-    (tmp_path / "data/chunk-000").mkdir(parents=True)
-    (tmp_path / "data/chunk-000/file-000.parquet").write_bytes(b"mine")
-    with pytest.raises(FileExistsError, match="other files"):
-        datasets.write(datasets.augment(stored), tmp_path, 2, format="lerobot", resume=True)
-    assert (tmp_path / "data/chunk-000/file-000.parquet").read_bytes() == b"mine"

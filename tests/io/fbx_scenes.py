@@ -93,31 +93,25 @@ class Scene:
 # Documents: an element is (name, values, children).
 
 
-def _vector(name, value, kind="Vector3D"):
-    return ("P", [name, kind, "Vector" if kind == "Vector3D" else "", "A", *map(float, value)], [])
-
-
-def _number(name, value, kind):
-    second = {"int": "Integer", "enum": "", "bool": "", "double": "Number", "KTime": "Time"}[kind]
-    stored = value if kind in {"double", "KTime"} else np.int32(value)
-    return ("P", [name, kind, second, "", stored], [])
+def _properties(values):
+    """Return the element of properties: integers in 32 bits, times in 64, or floats."""
+    rows = [("P", [name, "", "", "", *np.atleast_1d(own)], []) for name, own in values.items()]
+    return ("Properties70", [], rows)
 
 
 def _node_properties(node):
-    properties = [_vector(name, getattr(node, key), name) for key, name in PROPERTIES.items()]
-    properties += [_vector(name, getattr(node, key)) for key, name in VECTORS.items()]
-    properties.append(_number("RotationOrder", node.order, "enum"))
-    properties.append(_number("RotationActive", 1, "bool"))
-    return ("Properties70", [], [*properties, _number("InheritType", node.inherit, "enum")])
+    vectors = {name: np.array(getattr(node, key), float) for key, name in PROPERTIES.items()}
+    vectors |= {name: np.array(getattr(node, key), float) for key, name in VECTORS.items()}
+    numbers = {"RotationOrder": node.order, "RotationActive": 1, "InheritType": node.inherit}
+    return _properties(vectors | {name: np.int32(own) for name, own in numbers.items()})
 
 
 def _settings(scene):
-    numbers = []
-    for name, (axis, sign) in zip(("Up", "Front", "Coord"), scene.axes, strict=True):
-        numbers += [_number(f"{name}Axis", axis, "int"), _number(f"{name}AxisSign", sign, "int")]
-    numbers.append(_number("UnitScaleFactor", float(scene.unit), "double"))
-    numbers.append(_number("TimeMode", TIME_MODE, "enum"))
-    return ("GlobalSettings", [], [("Version", [1000], []), ("Properties70", [], numbers)])
+    numbers = {"TimeMode": np.int32(TIME_MODE), "UnitScaleFactor": float(scene.unit)}
+    for name, axis_and_sign in zip(("Up", "Front", "Coord"), scene.axes, strict=True):
+        for end, number in zip(("", "Sign"), axis_and_sign, strict=True):
+            numbers[f"{name}Axis{end}"] = np.int32(number)
+    return ("GlobalSettings", [], [("Version", [1000], []), _properties(numbers)])
 
 
 class _Builder:
@@ -157,23 +151,18 @@ def _add_curves(builder, ticks, values, curve_node):
 
 def _add_take(builder, take, models):
     ticks = (take.first + np.arange(take.n_frames)) * (TICKS // RATE)
-    ends = {"LocalStart": ticks[0], "LocalStop": ticks[-1]}
-    span = [_number(name, int(tick), "KTime") for name, tick in ends.items()]
-    label = (take.name, "AnimStack")
-    stack = builder.add("AnimationStack", label, "", [("Properties70", [], span)])
+    span = _properties({"LocalStart": ticks[0], "LocalStop": ticks[-1]})
+    stack = builder.add("AnimationStack", (take.name, "AnimStack"), "", [span])
     for number, layer in enumerate(take.layers):
-        modes = {"BlendMode": layer.mode, "RotationAccumulationMode": 1}  # by channel
-        settings = [_number("Weight", float(layer.weight), "double")]
-        settings += [_number(name, value, "enum") for name, value in modes.items()]
-        label, children = (f"layer{number}", "AnimLayer"), [("Properties70", [], settings)]
-        layer_id = builder.add("AnimationLayer", label, "", children, stack)
+        modes = {"BlendMode": np.int32(layer.mode), "RotationAccumulationMode": np.int32(1)}
+        settings = _properties({"Weight": float(layer.weight), **modes})  # rotations by channel
+        label = (f"layer{number}", "AnimLayer")
+        layer_id = builder.add("AnimationLayer", label, "", [settings], stack)
         for (node, key), values in layer.tracks.items():
             slot = PROPERTIES[key]
-            first = zip("XYZ", map(float, values[0]), strict=True)
-            numbers = [_number(f"d|{axis}", value, "double") for axis, value in first]
-            children = [("Properties70", [], numbers)]
-            label = (key, "AnimCurveNode")
-            curve_node = builder.add("AnimationCurveNode", label, "", children, models[node], slot)
+            first = zip(("d|X", "d|Y", "d|Z"), map(float, values[0]), strict=True)
+            label, numbers = (key, "AnimCurveNode"), [_properties(dict(first))]
+            curve_node = builder.add("AnimationCurveNode", label, "", numbers, models[node], slot)
             builder.connections.append(("C", ["OO", curve_node, layer_id], []))
             _add_curves(builder, ticks, values, curve_node)
 
@@ -210,9 +199,8 @@ def _add_mesh(builder, scene, mesh, models):
     ]
     children.append(("Layer", [0], [("Version", [100], []), *rows]))
     geometry = builder.add("Geometry", ("mesh", "Geometry"), "Mesh", children, model)
-    colour = [("P", ["DiffuseColor", "Color", "", "A", *mesh.color], [])]
     children = [("Version", [102], []), ("ShadingModel", ["lambert"], [])]
-    children.append(("Properties70", [], colour))
+    children.append(_properties({"DiffuseColor": np.array(mesh.color)}))
     material = builder.add("Material", ("skin", "Material"), "", children, model)
     if mesh.texture:
         names = [("FileName", [mesh.texture], []), ("RelativeFilename", [mesh.texture], [])]
@@ -313,7 +301,7 @@ def _binary_value(value):
         return b"S" + struct.pack("<I", len(value.encode())) + value.encode()
     if isinstance(value, bytes):
         return b"R" + struct.pack("<I", len(value)) + value
-    for kind, code in ((float, "Dd"), (np.int32, "Ii"), (int, "Lq")):
+    for kind, code in ((float, "Dd"), (np.int32, "Ii"), (int | np.int64, "Lq")):
         if isinstance(value, kind):
             return code[:1].encode() + struct.pack(f"<{code[1]}", value)
     code = {"float64": b"d", "float32": b"f", "int64": b"l", "int32": b"i"}[value.dtype.name]

@@ -3,7 +3,6 @@
 import io
 import re
 import tracemalloc
-from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from hypothesis import given
 
 import mograft as mg
 from mograft import formats
-from mograft.motion import limits
 from tests.dialects import clips, dialects, to_text
 from tests.io.bvh_helpers import REFLOWED_ROWS, TEXT, TEXT_VALUES, read
 from tests.strategies import few_examples
@@ -154,11 +152,9 @@ REFUSALS = [
     ("10.0 0.0", "10.0", 9, 3, "expected a number of OFFSET, got CHANNELS"),
     ("\t\tCHANNELS 3 Zrotation Xrotation Yrotation\n", "", 9, 3, "expected CHANNELS, got End"),
     ("3 Zrotation", "3 Wrotation", 9, 14, "3 channels from Xposition to Zrotation for Spine, got"),
-    ("3 Zrotation", "3 Xscale", 9, 14, "got Xscale after 0"),
     ("3 Zrotation Xrotation", "3 Zrotation Zrotation", 9, 24, "each channel of Spine once, got Zr"),
     ("CHANNELS 3", "CHANNELS 4", 10, 3, "got End after 3"),
     ("CHANNELS 3", "CHANNELS 2", 9, 34, "expected JOINT, End Site or the }"),
-    ("CHANNELS 3", "CHANNELS 3.5", 9, 12, "expected the number of channels"),
     ("End Site", "End Effector", 10, 7, "expected Site after End, got Effector"),
     ("MOTION", "}\nMOTION", 16, 1, "expected MOTION, got }"),
     ("}\nMOTION", "MOTION", 15, 1, "JOINT, End Site or the } of Hips (line 2), got MOTION"),
@@ -169,7 +165,6 @@ REFUSALS = [
     ("Frames: 3", "Frames: -3", 17, 9, "expected the number of frames, got -3"),
     ("Frames: 3", "Frames: 2.5", 17, 9, "expected the number of frames, got 2.5"),
     ("0.04", "0", 18, 13, "expected a frame time of 1e-05 to 1000 seconds, got 0"),
-    ("0.04", "-0.04", 18, 13, "expected a frame time of 1e-05 to 1000 s"),
     ("0.04", "nan", 18, 13, "expected the frame time in seconds, got nan"),
     ("0.04", "0,04", 18, 13, "got 0,04 with a decimal comma"),
     ("90.5", "NaN", 20, 5, "expected a number, got NaN, which is not a finite number"),
@@ -182,7 +177,6 @@ REFUSALS = [
     ("0.5 90.5 1.0", "0.5 90.5-1.0", 20, 5, "a number, got 90.5-1.0 without a space before -1.0"),
     ("0.5 90.5 1.0", "0.5 90.51.0", 20, 5, "without a space before .0"),
     ("8.0\n", "8.0\nEND OF FILE\n", 22, 1, "expected a number, got END"),
-    ("8.0\n", "8.0\n# end\n", 22, 1, "expected a number, got #"),
     ("8.0\n", "8.0\n" + TEXT, 22, 1, "got HIERARCHY: a file holds one motion"),
     ("8.0\n", "8.0\n\x00\x00 1.0", 22, 1, "expected a number, got"),
     (" 90.5", "", 20, 1, "expected a frame of 9 numbers, got 8 and then 9 on line 21"),
@@ -223,16 +217,3 @@ def test_read_bvh_invalid_utf_16_raises_bvh_error(broken):
 def test_read_bvh_too_long_word_raises_bvh_error(word):
     with pytest.raises(mg.BvhError, match="got a longer one"):
         read(TEXT.replace(word, "9" * 3_000_000))
-
-
-def test_more_joints_than_the_limit_are_refused_with_position(tmp_path):
-    lines = ["HIERARCHY", "ROOT r {", "OFFSET 0 0 0", "CHANNELS 1 Xrotation"]
-    joints = [f"JOINT j{n} {{ OFFSET 0 0 0 CHANNELS 0 }}" for n in range(100)]
-    end = ["}", "MOTION", "Frames: 1", "Frame Time: 0.1", "0"]
-    path = tmp_path / "many.bvh"
-    with patch.object(limits, "MAX_JOINTS", 100):
-        path.write_text("\n".join([*lines, *joints, *end]))
-        with pytest.raises(mg.BvhError, match=r"many.bvh:104:7: .* at most 100 joints, got 101"):
-            mg.read_bvh(path)
-        path.write_text("\n".join([*lines, *joints[1:], *end]))
-        assert mg.read_bvh(path).n_joints == 100

@@ -116,24 +116,16 @@ def test_chain_of_the_greatest_depth_is_read(tmp_path, file, n):
     assert heights[-1] / heights[0] == pytest.approx(n, rel=1e-4)
 
 
-def test_arrays_beyond_limits_raise_value_error():
-    n = limits.MAX_JOINTS + 1
-    with pytest.raises(ValueError, match=r"^expected at most 65536 joints, got 65537$"):
-        mg.Skeleton(["j"] * n, [-1] + [0] * (n - 1), np.zeros((n, 3)))
-    n = limits.MAX_LEVELS + 1
-    with pytest.raises(ValueError, match=r"^expected at most 2048 levels of joints, got 2049$"):
-        mg.Skeleton(["j"] * n, np.arange(-1, n - 1), np.zeros((n, 3)))
-    with pytest.raises(ValueError, match="at most 65535 characters, got one of 65536"):
-        mg.Skeleton(["j" * 65_536], [-1], np.zeros((1, 3)))
-    motion = make_motion()
-    for seconds in (0.0, -1.0, 9e-6, 1001.0):
-        with pytest.raises(ValueError, match=r"`frame_time` of 1e-05 to 1000 seconds, got"):
-            mg.Motion(motion.skeleton, seconds, motion.rotations, motion.positions)
+def test_resample_beyond_limit_of_frames_raises_value_error():
+    part = make_motion()[:11]
     with patch.object(limits, "MAX_FRAMES", 11):
-        with pytest.raises(ValueError, match="at most 11 frames, got 12"):
-            mg.Motion(motion.skeleton, 0.1, motion.rotations, motion.positions)
-        part = motion[:11]
         for rate in (60.0, 1e300, 10.6 / part.duration):  # the last one: 12 frames after rounding
             with pytest.raises(ValueError, match="`rate` must give at most 11 frames, got"):
                 part.resample(rate)
         assert part.resample(10.4 / part.duration).n_frames == 11
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, 9e-6, 1001.0])
+def test_motion_of_other_frame_time_raises_value_error(seconds):
+    with pytest.raises(ValueError, match=r"`frame_time` of 1e-05 to 1000 seconds, got"):
+        replace(make_motion(), frame_time=seconds)

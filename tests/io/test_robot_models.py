@@ -10,16 +10,7 @@ from mograft.io.robots.poses import Pose, to_motion
 from mograft.io.robots.trackers import body_transforms
 from mograft.motion import rotations
 from mograft.motion.hinges import Hinges, TableLayout
-from tests.io.robot_files import (
-    G1,
-    G1_MODEL,
-    body_places,
-    depth_first,
-    needs_g1,
-    random_robot,
-    to_mjcf,
-    to_urdf,
-)
+from tests.io.robot_files import body_places, depth_first, random_robot, to_mjcf, to_urdf
 from tests.strategies import SEEDS, few_examples
 
 LEG = '<body name="leg"><joint name="knee" axis="0 1 0"/></body>'
@@ -88,26 +79,6 @@ def test_hinges_from_json_of_to_json_are_equal(tmp_path_factory, seed):
     again = Hinges.from_json(hinges.to_json())
     for field, value in vars(hinges).items():
         np.testing.assert_array_equal(getattr(again, field), value, field)
-
-
-@needs_g1()
-def test_read_model_g1_positions_match_mujoco():
-    mujoco = pytest.importorskip("mujoco", reason="needs mujoco, the oracle")
-    import re
-
-    text = re.sub(r"<geom[^>]*mesh[^>]*/>|<mesh [^>]*/>", "", G1_MODEL.read_text())
-    text = re.sub(r"<asset>.*?</asset>|material=\"[^\"]*\"", "", text, flags=re.DOTALL)
-    oracle = mujoco.MjModel.from_xml_string(text)
-    data = mujoco.MjData(oracle)
-    model = mg.formats.read_model(G1_MODEL, rate=60)
-    motion = mg.read(G1 / "g1moves_M_Move10.csv", skeleton=model)[0]
-    ids = [mujoco.mj_name2id(oracle, mujoco.mjtObj.mjOBJ_BODY, name) for name in model.names]
-    table = np.loadtxt(G1 / "g1moves_M_Move10.csv", delimiter=",")
-    places = motion.world_positions()
-    for frame in range(0, motion.n_frames, 40):
-        data.qpos[:] = table[frame, [0, 1, 2, 6, 3, 4, 5, *range(7, 36)]]
-        mujoco.mj_kinematics(oracle, data)
-        np.testing.assert_allclose(places[frame], data.xpos[ids], atol=1e-6)
 
 
 @pytest.mark.parametrize("order", ["xyz", "zyx", "XYZ", "YZX", "xzx"])

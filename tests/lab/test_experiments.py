@@ -38,7 +38,6 @@ from lab.measures.clip_features import clip_features
 from lab.studies import compare
 from mograft import Config, mirror, rotations
 from mograft.dancer import dance
-from mograft.evaluation.estimate import block_mean
 from tests.strategies import SEEDS, transform_motion
 
 
@@ -51,11 +50,6 @@ def test_constants_include_every_default_that_differs_from_the_paper():
     names = {own.name for own in fields(Config)}
     differing = {name for name in names if getattr(default, name) != getattr(paper, name)}
     assert differing - others <= named
-
-
-def test_constants_chosen_on_a_source_make_it_a_development_source():
-    for source in map(sources.SOURCES.get, sources.TEST):
-        assert not source.pattern.startswith(("dance_", "database_", "paper_shape", "bandai_ds1"))
 
 
 DATA = ROOT.parent / "shared" / "data"
@@ -135,27 +129,13 @@ def test_verdict_is_equal_only_within_the_margin_and_changes_side_with_the_sign(
         own = {"value": centre, "interval": [centre - half, centre + half]}
         return verdicts.verdict(own, margin)
 
+    assert verdicts.verdict({"value": value, "interval": None}, margin) == "no interval"
     found = judge(value)
     assert (found == "equal") == (abs(value) + half < margin)
     opposite = {"better": "worse", "worse": "better"}
     assert judge(-value) == opposite.get(found, found)
     if found in opposite:
         assert abs(value) > half
-
-
-def test_verdict_needs_an_interval():
-    assert verdicts.verdict({"value": 1.0, "interval": None}, 0.5) == "no interval"
-
-
-def test_verdicts_that_are_called_equal_without_need_are_rare():
-    """A difference as large as the margin is called equal in at most one of forty experiments."""
-    rng, n, margin = np.random.default_rng(0), 20, 0.5
-    called = 0
-    for _ in range(1000):
-        blocks = np.arange(n)
-        found = block_mean(rng.normal(margin, 1, n) * 0.6 + margin * 0.4, blocks, "blocks")
-        called += verdicts.verdict(found.as_dict(), margin) == "equal"
-    assert called <= 60
 
 
 def test_at_newness_interpolates_between_settings_only():
@@ -318,7 +298,7 @@ def labelled_clips():
 
 
 @pytest.mark.parametrize("name", SCHEMES)
-def test_scheme_adds_copies_of_every_clip_with_its_label(labelled_clips, name):
+def test_scheme_adds_copies_with_their_labels_and_exchanges_keep_the_legs(labelled_clips, name):
     added = SCHEMES[name](labelled_clips, np.random.default_rng(0))
     n = 0 if name == "none" else N_COPIES * len(labelled_clips)
     assert len(added) == len(added.labels) == n
@@ -326,19 +306,15 @@ def test_scheme_adds_copies_of_every_clip_with_its_label(labelled_clips, name):
         assert list(added.labels[: len(labelled_clips)]) == ["wave-right-hand", "run"] * 4
     else:
         assert sorted(added.labels) == sorted([*labelled_clips.labels] * (n // len(labelled_clips)))
-
-
-@pytest.mark.parametrize("name", ["CutMix", "CutMix, same label", "grafts", "grafts, same label"])
-def test_scheme_keeps_legs_and_label_and_changes_the_arms(labelled_clips, name):
-    added = SCHEMES[name](labelled_clips, np.random.default_rng(0))
-    pairs = zip(labelled_clips.clips, labelled_clips.labels, strict=True)
-    originals = {clip.rotations[:, 0].tobytes(): (clip, label) for clip, label in pairs}
-    changes = []
-    for clip, label in zip(added.clips, added.labels, strict=True):
-        base, expected = originals[clip.rotations[:, 0].tobytes()]
-        assert label == expected
-        changes.append(rotations.angle(clip.rotations, base.rotations).max())
-    assert np.median(changes) > 0.2
+    if name.startswith(("CutMix", "grafts")):
+        pairs = zip(labelled_clips.clips, labelled_clips.labels, strict=True)
+        originals = {clip.rotations[:, 0].tobytes(): (clip, label) for clip, label in pairs}
+        changes = []
+        for clip, label in zip(added.clips, added.labels, strict=True):
+            base, expected = originals[clip.rotations[:, 0].tobytes()]
+            assert label == expected
+            changes.append(rotations.angle(clip.rotations, base.rotations).max())
+        assert np.median(changes) > 0.2
 
 
 def test_swap_sides_is_an_involution():

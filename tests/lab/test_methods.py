@@ -56,15 +56,6 @@ def test_candidates_do_not_depend_on_configured_neighbourhood(library, ball, seg
     assert_same_lists(*(method.candidates(own, segments) for own in (library, ball)))
 
 
-@pytest.mark.parametrize("method", [*RANDOM_METHODS, ByCost()], ids=repr)
-def test_candidates_contain_base_segment_and_no_excluded_donor(library, segments, method):
-    scenario = segments[::-3]
-    for segment, donors in zip(scenario, method.candidates(library, scenario), strict=True):
-        assert segment in donors
-        assert (np.diff(donors) > 0).all()
-        assert library.is_donor[donors[donors != segment]].all()
-
-
 def similar_lengths(library, segment):
     lengths = library.segments.lengths
     return length_fits(lengths[[segment]], lengths, library.rate, library.config)

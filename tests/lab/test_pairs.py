@@ -36,18 +36,10 @@ def study(excerpts):
     return build_study(excerpts, ARMS, "<A & B>", secret="secret")
 
 
-def large_key(n_excerpts=60):
+@pytest.fixture(scope="module")
+def large_key(excerpts):
     """Return the key of a study of the size of the real one."""
-    items = [{"excerpt": k, "arm": arm} for k in range(n_excerpts) for arm in ARMS]
-    items = [own | {"target": 2 * i, "other": 2 * i + 1} for i, own in enumerate(items)]
-    sets = [
-        [i for i, own in enumerate(items) if own["arm"] == ARMS[(own["excerpt"] + k) % 3]]
-        for k in range(3)
-    ]
-    return {"items": items, "sets": sets, "arms": ARMS, "excerpts": [None] * n_excerpts} | {
-        "study": "s",
-        "secret": "secret",
-    }
+    return build_study(excerpts * 10, ARMS, "A", secret="secret")[1]
 
 
 def test_excerpts_keep_legs_of_capture_and_exchange_the_upper_body(excerpts):
@@ -115,26 +107,21 @@ def simulate(key, share, seed, n_raters=12):
     return [prefer(own) for own in judged.values()]
 
 
-def test_planted_preference_is_found_and_its_opposite():
-    key = large_key()
+def test_planted_preference_is_found_and_its_opposite(large_key):
     for share, verdict in ((0.78, "graft preferred"), (0.22, "graft not preferred")):
-        found = [own for seed in range(4) for own in simulate(key, share, seed)]
+        found = [own for seed in range(4) for own in simulate(large_key, share, seed)]
         assert [own.verdict for own in found].count(verdict) >= 11
         assert_allclose(np.mean([own.share for own in found]), share, atol=0.05)
         assert all(own.n == 240 for own in found)
+    few = simulate(large_key, 0.9, 0, 9)
+    assert {(own.interval, own.verdict) for own in few} == {(None, "fewer than 10 participants")}
 
 
-def test_no_preference_is_rarely_found_and_more_judgements_show_equality():
-    key = large_key()
-    verdicts = [own.verdict for seed in range(30) for own in simulate(key, 0.5, seed)]
+def test_no_preference_is_rarely_found_and_more_judgements_show_equality(large_key):
+    verdicts = [own.verdict for seed in range(30) for own in simulate(large_key, 0.5, seed)]
     assert sum(verdict.endswith("preferred") for verdict in verdicts) <= 0.05 * len(verdicts)
-    many = [own.verdict for seed in range(3) for own in simulate(key, 0.5, seed, 60)]
+    many = [own.verdict for seed in range(3) for own in simulate(large_key, 0.5, seed, 60)]
     assert many.count("equally natural") >= 6
-
-
-def test_few_participants_have_no_interval():
-    found = simulate(large_key(), 0.9, 0, 9)
-    assert {(own.interval, own.verdict) for own in found} == {(None, "fewer than 10 participants")}
 
 
 def test_stored_power_is_that_of_the_analysis():

@@ -74,6 +74,7 @@ def test_retrieval_scores_are_bounded_by_best_possible(coupled):
             assert score.distance.value >= best.distance.value
             assert score.donors.value == best.donors.value
     assert scores["random"].rank.value == pytest.approx(0.5)
+    assert abs(scores["random"].angle_gain.value) < 0.15 * scores["analogy"].angle_gain.value
     assert 0 < coupled.segments <= coupled.held_out
 
 

@@ -3,7 +3,6 @@
 import csv
 import json
 import warnings
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -101,7 +100,7 @@ def test_parquet_and_csv_give_the_same_tags(tmp_path_factory, rows, columns):
 
 
 @pytest.mark.parametrize(
-    ("text", "columns", "message"),
+    ("table", "columns", "message"),
     [
         ("clip,tag\nwalk\n", None, r"tags\.csv:2: expected a clip and its tags, got \['walk'\]"),
         (f"walk,slow\nrun,{'x' * 200_000}\n", None, r"tags\.csv:2: expected CSV: field larger"),
@@ -112,32 +111,28 @@ def test_parquet_and_csv_give_the_same_tags(tmp_path_factory, rows, columns):
         ),
         ("walk,slow\n", ["style"], r"tags\.csv: expected a heading with one of style"),
         ("style,filename\nslow,\n", None, r"tags\.csv:2: expected a clip and its tags"),
-    ],
-)
-def test_read_tags_invalid_table_raises_value_error(tmp_path, text, columns, message):
-    (tmp_path / "tags.csv").write_text(text)
-    with pytest.raises(ValueError, match=message):
-        read_tags(tmp_path / "tags.csv", columns)
-
-
-def test_read_tags_invalid_parquet_raises_value_error(tmp_path):
-    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
-    import pyarrow as pa
-
-    path = tmp_path / "tags.parquet"
-    path.write_bytes(b"PAR1 no")
-    with pytest.raises(ValueError, match=r"tags\.parquet: expected Parquet: "):
-        read_tags(path)
-    for table, message in (
-        ({"style": ["slow"]}, "expected a heading with one of clip, file"),
+        (b"PAR1 no", None, r"tags\.parquet: expected Parquet: "),
+        ({"style": ["slow"]}, None, r"tags\.parquet: expected a heading with one of clip, file"),
         (
             {"clip": ["a", None], "style": ["slow", "fast"]},
-            "parquet:2: expected a clip and its tags",
+            None,
+            r"tags\.parquet:2: expected a clip and its tags",
         ),
-    ):
-        parquet.write_table(pa.table(table), path)
-        with pytest.raises(ValueError, match=message):
-            read_tags(path)
+    ],
+)
+def test_read_tags_invalid_table_raises_value_error(tmp_path, table, columns, message):
+    path = tmp_path / ("tags.csv" if isinstance(table, str) else "tags.parquet")
+    if isinstance(table, str):
+        path.write_text(table)
+    else:
+        pyarrow = pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+        parquet = pytest.importorskip("pyarrow.parquet")
+        if isinstance(table, bytes):
+            path.write_bytes(table)
+        else:
+            parquet.write_table(pyarrow.table(table), path)
+    with pytest.raises(ValueError, match=message):
+        read_tags(path, columns)
 
 
 def test_read_tags_clip_in_two_rows_warns_and_joins(tmp_path):
@@ -148,50 +143,32 @@ def test_read_tags_clip_in_two_rows_warns_and_joins(tmp_path):
 
 
 def test_command_index_clips_of_one_name_get_the_tags_of_their_paths(tmp_path, capsys):
-    take = dance(seed=3, strides=1).motion[100:240]
-    for folder in ("a", "b"):
-        (tmp_path / "clips" / folder).mkdir(parents=True)
-        mg.write_bvh(replace(take, name="walk", path=None), tmp_path / f"clips/{folder}/walk.bvh")
-    mg.write_bvh(replace(take, name="run", path=None), tmp_path / "clips/run.bvh")
-    tags = tmp_path / "tags.csv"
+    clips, library, tags = (tmp_path / name for name in ("clips", "lib", "tags.csv"))
+    for name in ("a/walk", "b/walk", "run"):
+        (clips / name).parent.mkdir(parents=True, exist_ok=True)
+        mg.write_bvh(dance(seed=3, strides=1).motion[100:240], clips / f"{name}.bvh")
     rows = ["height,filename,style,content_short_description", "1,clips/a/walk.bvh,slow,she walks"]
-    rows += ["2,b/walk,fast,he walks", "3,run,,", "4,jump,high,"]
-    tags.write_text("\n".join(rows))
+    tags.write_text("\n".join([*rows, "2,b/walk,fast,he walks", "3,run,,", "4,jump,high,"]))
     words = ["--tags", str(tags), "--tag-columns", "style,content_short_description"]
-    library = tmp_path / "lib"
-    assert main(["index", str(tmp_path / "clips/run.bvh"), "-o", str(library)]) == 0
-    capsys.readouterr()
-    assert main(["index", "--add", str(tmp_path / "clips"), "-o", str(library), *words]) == 0
+    mg.Library.index(clips / "run.bvh", library)
+    assert main(["index", "--add", str(clips), "-o", str(library), *words]) == 0
+    err = capsys.readouterr().err
+    assert "1 of 4 names of --tags match no clip and have no effect: jump" in err
     added = mg.Library.open(library).entries
-    assert (
-        "1 of 4 names of --tags match no clip and have no effect: jump" in capsys.readouterr().err
-    )
-    assert [(own.name, own.tags) for own in added] == [
-        ("walk", ("a", "slow", "text:she walks")),
-        (added[1].name, ("b", "fast", "text:he walks")),
-        ("run", ()),
-    ]
+    expected = [("a", "slow", "text:she walks"), ("b", "fast", "text:he walks"), ()]
+    assert [own.tags for own in added] == expected
     assert len({own.name for own in added}) == 3
-    whole = ["index", str(tmp_path / "clips"), "-o", str(tmp_path / "whole"), *words]
-    assert main(whole) == 0
+    assert main(["index", str(clips), "-o", str(tmp_path / "whole"), *words]) == 0
     assert mg.Library.open(tmp_path / "whole").entries == added
     # Tags of clips that the library has reach them by path, too.
-    tags.write_text("clip,tag\na/walk.bvh,old\n")
-    assert main(["index", "--add", str(tmp_path / "clips"), "-o", str(library), *words[:2]]) == 0
-    assert [own.tags[-1:] for own in mg.Library.open(library).entries] == [
-        ("old",),
-        ("text:he walks",),
-        (),
-    ]
-    assert main(["find", str(library), "--text", "she"]) == 0
+    later = mg.Library.open(library).add(clips, tags={"a/walk.bvh": ["old"]})
+    assert [own.tags[-1:] for own in later.entries] == [("old",), ("text:he walks",), ()]
     capsys.readouterr()
     assert main(["lib", "info", str(library), "--json"]) == 0
     assert "text:she walks" in json.loads(capsys.readouterr().out)["tags"]
     assert main(["lib", "info", str(library)]) == 0
-    out = capsys.readouterr().out
-    assert "  tags: a b fast old slow\n  2 descriptions\n" in out
-    tags.write_text("walk,all\n")
+    assert "  tags: a b fast old slow\n  2 descriptions\n" in capsys.readouterr().out
     with pytest.warns(UserWarning, match=r"1 of 1 names of `tags` match files in several folders"):
-        mg.Library.build(tmp_path / "clips", tags=read_tags(tags))
+        mg.Library.build(clips, tags={"walk": ["all"]})
     with pytest.raises(SystemExit, match="2"):
         main(["index", "-o", str(library), "--add", "x", "--tag-columns", "a"])

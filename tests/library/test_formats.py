@@ -1,7 +1,6 @@
 """Libraries of clips in files that hold several clips."""
 
 import json
-import shutil
 import warnings
 from dataclasses import replace
 
@@ -117,21 +116,14 @@ def test_tags_and_frame_rates_name_clips_of_files(several):
     assert library.rate == 20.0
 
 
-def test_replay_finds_clips_of_a_file_that_moved(several, tmp_path):
+def test_replay_finds_clips_of_a_file_that_moved(several):
     library = mg.Library.build(several)
-    (tmp_path / "a").mkdir()
     graft = mg.graft(library, "walk", seed=3)
-    mg.write_graft(graft, tmp_path / "a" / "new.bvh")
-    document = json.loads((tmp_path / "a" / "new.json").read_text())
+    document = json.loads(json.dumps(mg.graft_record(graft)))
     assert {clip["clip"] for clip in document["clips"]} <= set(NAMES)
-    again = mg.replay(tmp_path / "a" / "new.json")
-    np.testing.assert_array_equal(again.motion.rotations, graft.motion.rotations)
-    moved = tmp_path / "moved"
-    shutil.copytree(several / "sub", moved)
     for clip in document["clips"]:
         clip["file"] = "gone/pack.glb"
-    (tmp_path / "a" / "new.json").write_text(json.dumps(document))
-    again = mg.replay(tmp_path / "a" / "new.json", sources=[str(moved)])
+    again = mg.replay(document, sources=[str(several / "sub")])
     np.testing.assert_array_equal(again.motion.rotations, graft.motion.rotations)
 
 

@@ -52,12 +52,6 @@ def test_mass_offsets_do_not_depend_on_earlier_calls(library, calls):
         np.testing.assert_array_equal(balance.mass_offsets(joints, chosen), every[chosen])
 
 
-def test_balance_keeps_the_track_of_one_clip(library):
-    balance = replace(library)._balance
-    balance.support_margins(np.arange(len(library.segments)))
-    assert len(library.clips) > len(balance._tracks) == 1
-
-
 def test_pool_has_a_balance_only_for_groups_without_root_and_feet(library):
     assert library.pool("upper").balance is not None
     assert library.pool("lower").balance is None

@@ -24,7 +24,6 @@ from mograft import (
     LibraryError,
     MemoryBudgetError,
 )
-from mograft.analysis import embedding
 from mograft.analysis.embedding import Samples
 from mograft.library.files import array_files, storage, stored_clips
 from mograft.motion import limits
@@ -80,27 +79,24 @@ def test_save_any_number_of_blas_threads_writes_the_same_files(tmp_path):
 
 
 @given(st.lists(st.integers(0, 31), max_size=9))
-def test_stored_samples_select_returns_rows_of_the_chunks(stored_library, indices):
-    samples = replace(stored_library.samples, ranges=np.array([(0, 5, 20), (0, 0, 3), (0, 40, 9)]))
-    rows = np.concatenate([chunk.rows for chunk in samples.chunks()])
+def test_stored_samples_are_rows_of_the_files_in_any_chunks(stored_library, indices):
+    whole = np.concatenate([chunk.rows for chunk in stored_library.samples.chunks()])
+    ranges = np.array([(0, 5, 20), (0, 0, 3), (0, 40, 9)])
+    samples = replace(stored_library.samples, ranges=ranges)
+    rows = np.concatenate([whole[first : first + n] for _, first, n in ranges])
+    with patch.object(stored_clips, "CHUNK", 7):
+        chunks = [chunk.rows for chunk in samples.chunks()]
+    assert [len(chunk) for chunk in chunks] == [7, 7, 7, 7, 4]
+    np.testing.assert_array_equal(np.concatenate(chunks), rows)
     indices = np.array(indices, int)
     np.testing.assert_array_equal(samples.select(indices).rows, rows[indices])
     appended = stored_clips.ExtendedSamples(samples, Samples(rows[:4] + 1, 10, samples.n_joints))
-    expected = np.concatenate([chunk.rows for chunk in appended.chunks()])
+    expected = np.concatenate([rows, rows[:4] + 1])
     further = np.concatenate([indices + 4, indices])
     assert len(appended) == 36
     np.testing.assert_array_equal(appended.select(further).rows, expected[further])
-
-
-def test_stored_samples_chunks_do_not_depend_on_row_ranges(stored_library, monkeypatch):
-    monkeypatch.setattr(stored_clips, "CHUNK", 7)
-    assert embedding.CHUNK > 7
-    rows = [chunk.rows for chunk in stored_library.samples.chunks()]
-    assert [len(chunk) for chunk in rows[:-1]] == [7] * (len(rows) - 1)
-    whole = np.concatenate(rows)
-    split = replace(stored_library.samples, ranges=np.array([(0, 5, 20), (0, 0, 3), (0, 40, 9)]))
-    joined = np.concatenate([chunk.rows for chunk in split.chunks()])
-    np.testing.assert_array_equal(joined, np.concatenate([whole[5:25], whole[:3], whole[40:49]]))
+    found = np.concatenate([chunk.rows for chunk in appended.chunks()])
+    np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/smaps"), reason="needs /proc/self/smaps")
@@ -125,6 +121,19 @@ def test_arrays_are_valid_npy_files(small_library):
         assert loaded.tobytes() == array.tobytes()
 
 
+@contextlib.contextmanager
+def replaced(path, content):
+    """Replace the content of a file, or remove it if `content` is None, and restore it."""
+    before = path.read_bytes()
+    path.unlink()
+    try:
+        if content is not None:
+            path.write_bytes(content)
+        yield
+    finally:
+        path.write_bytes(before)
+
+
 @settings(max_examples=75)
 @given(st.data())
 def test_verify_flipped_byte_is_reported_or_harmless(small_library, data):
@@ -133,21 +142,11 @@ def test_verify_flipped_byte_is_reported_or_harmless(small_library, data):
         position = data.draw(st.integers(0, 127))
     else:
         position = data.draw(st.integers(0, path.stat().st_size - 1), label="byte")
-    flip = data.draw(st.integers(1, 255), label="flip")
-    content = path.read_bytes()
-    intact = Library.open(small_library)
-    try:
-        damaged = bytearray(content)
-        damaged[position] ^= flip
-        path.write_bytes(damaged)
-        try:
-            problems = storage.verify(small_library)
-        except LibraryError:
-            return
-        if not problems:
+    damaged, intact = bytearray(path.read_bytes()), Library.open(small_library)
+    damaged[position] ^= data.draw(st.integers(1, 255), label="flip")
+    with replaced(path, damaged), contextlib.suppress(LibraryError):
+        if not storage.verify(small_library):
             assert_same_libraries(Library.open(small_library), intact)
-    finally:
-        path.write_bytes(content)
 
 
 @settings(max_examples=100)
@@ -156,19 +155,11 @@ def test_read_changed_array_header_stays_within_the_file(small_library, data):
     """`read` compares sizes, not hashes; a damaged header must not map bytes beyond the file."""
     paths = [path for path in list_files(small_library) if path.suffix == ".npy"]
     path = data.draw(st.sampled_from(paths), label="file")
-    content = path.read_bytes()
-    position = data.draw(st.integers(0, 127))
-    header = bytearray(content[:128])
-    header[position] = data.draw(st.one_of(st.integers(0, 255), st.sampled_from(b"0123456789(),'")))
-    try:
-        path.write_bytes(bytes(header) + content[128:])
-        arrays = storage.read(small_library).arrays
-    except LibraryError:
-        return
-    finally:
-        path.write_bytes(content)
-    for name, array in arrays.items():
-        assert array.nbytes == (small_library / "0001" / f"{name}.npy").stat().st_size - 128
+    damaged, position = bytearray(path.read_bytes()), data.draw(st.integers(0, 127))
+    damaged[position] = data.draw(st.integers(0, 255) | st.sampled_from(b"0123456789(),'"))
+    with replaced(path, damaged), contextlib.suppress(LibraryError):
+        for name, array in storage.read(small_library).arrays.items():
+            assert array.nbytes == (small_library / "0001" / f"{name}.npy").stat().st_size - 128
 
 
 @settings(max_examples=40)
@@ -181,31 +172,22 @@ def test_open_segment_outside_of_its_clip_raises_library_error(small_library, da
     beyond = st.integers(int(n_frames[clips[row]]), 2**62)
     value = data.draw(beyond if name == "stops" else st.one_of(beyond, st.integers(-(2**62), -1)))
     path = small_library / "0001" / f"{name}.npy"
-    content = path.read_bytes()
     array = np.load(path)
     array[row] = value
-    try:
-        path.write_bytes(content[: -array.nbytes] + array.tobytes())
-        with pytest.raises(LibraryError, match="damaged"):
-            Library.open(small_library)
-    finally:
-        path.write_bytes(content)
+    header = path.read_bytes()[: -array.nbytes]
+    with replaced(path, header + array.tobytes()), pytest.raises(LibraryError, match="damaged"):
+        Library.open(small_library)
 
 
 @settings(max_examples=40)
 @given(st.data())
 def test_open_truncated_or_missing_file_raises_library_error(small_library, data):
     path = data.draw(st.sampled_from(list_files(small_library)), label="file")
-    content = path.read_bytes()
-    try:
-        if data.draw(st.booleans(), label="missing"):
-            path.unlink()
-        else:
-            path.write_bytes(content[: data.draw(st.integers(0, len(content) - 1))])
-        with pytest.raises(LibraryError, match=r"damaged|not a mograft library"):
-            Library.open(small_library)
-    finally:
-        path.write_bytes(content)
+    length = data.draw(st.none() | st.integers(0, path.stat().st_size - 1))
+    content = None if length is None else path.read_bytes()[:length]
+    expected = pytest.raises(LibraryError, match=r"damaged|not a mograft library")
+    with replaced(path, content), expected:
+        Library.open(small_library)
 
 
 def test_open_foreign_or_newer_library_raises_library_error(small_library, tmp_path):
@@ -288,17 +270,3 @@ def test_sealed_manifest_with_any_value_grafts_or_raises_library_error(
         # A configuration can be valid and have no donors, or need more memory than there is.
         with contextlib.suppress(LibraryError, InsufficientDataError, MemoryBudgetError):
             read(folder)
-
-
-@pytest.mark.parametrize("is_at_exit", [False, True])
-def test_row_file_close_fails_without_a_traceback_of_a_finalizer(small_library, is_at_exit):
-    code = (
-        "import os, sys\n"
-        "from mograft import Library\n"
-        "library = Library.open(sys.argv[1])\n"
-        "for each in library.samples.files:\n"
-        "    os.close(each._handle)\n" + ("" if is_at_exit else "del each, library\n")
-    )
-    words = [sys.executable, "-c", code, str(small_library)]
-    child = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert (child.returncode, child.stderr) == (0, "")

@@ -1,8 +1,5 @@
 """`CompleteLinkage` with scikit-learn: its checks, its own estimator, and its tools."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -85,14 +82,3 @@ def test_complete_linkage_data_frame_names_and_set_output():
     frame.columns = ["a", 1, "c"]
     with pytest.raises(TypeError, match="X must have column names that are all strings"):
         model.fit(frame)
-
-
-def test_complete_linkage_does_not_import_scikit_learn():
-    script = """
-import sys
-from mograft import clustering
-clustering.CompleteLinkage().fit([[0.0], [1.0]])
-print('sklearn' in sys.modules)
-"""
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
-    assert run.stdout.split() == [b"False"]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mograft import Motion
 from mograft.io.robots.poses import Pose, to_motion
 from mograft.motion import rotations
-from mograft.motion.hinges import Hinges, TableLayout, _nearest_slow
+from mograft.motion.hinges import Hinges, TableLayout
 from mograft.motion.skeleton import Skeleton
 from tests.io.robot_files import smooth_angles
 from tests.strategies import SEEDS, few_examples, smooth_rotations
@@ -154,20 +154,6 @@ def test_hinges_keep_speeds_stay_within_limits_or_those_of_the_base(seed, share,
     steps = np.abs(np.diff(given_angles, axis=0)).max(axis=0)
     assert (np.abs(np.diff(angles, axis=0)) <= np.maximum(hinges.speeds / RATE, steps) + 1e-9).all()
     assert_within_limits(hinges, result, base.rotations, 1e-9)
-
-
-@few_examples(30)
-@given(seed=SEEDS, step=st.floats(0.01, 2.0))
-def test_nearest_slow_no_curve_of_the_same_speed_is_nearer(seed, step):
-    """Two angles k frames apart that differ by d force one of them to move by (d - k step) / 2."""
-    angles = np.random.default_rng(seed).normal(size=60).cumsum()
-    slow = _nearest_slow(angles, step)
-    assert np.abs(np.diff(slow)).max() <= step + 1e-9
-    frames = np.arange(60)
-    apart = step * np.abs(frames[:, None] - frames)
-    least = 0.5 * (np.abs(angles[:, None] - angles) - apart).max()
-    assert np.abs(slow - angles).max() <= max(least, 0.0) + 1e-9
-    np.testing.assert_array_equal(_nearest_slow(slow, step + 1e-9), slow)
 
 
 @few_examples(15)

@@ -8,14 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from mograft.motion import rotations
 from tests.oracles import rotations as oracle
-from tests.strategies import (
-    SEEDS,
-    assert_same_rotations,
-    few_examples,
-    quaternions,
-    smooth_rotations,
-    vectors,
-)
+from tests.strategies import SEEDS, assert_same_rotations, quaternions, smooth_rotations, vectors
 
 ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 
@@ -25,13 +18,7 @@ def test_exp_inverts_log_and_log_is_shortest(q):
     logs = rotations.log(q)
     assert (np.linalg.norm(logs, axis=-1) <= np.pi + 1e-15).all()
     assert_same_rotations(rotations.exp(logs), q, 1e-12)
-
-
-@few_examples(40)
-@given(quaternions((5,)))
-def test_log_and_angle_ignore_quaternion_sign(q):
-    np.testing.assert_array_equal(rotations.log(q), rotations.log(-q))
-    np.testing.assert_array_less(rotations.angle(q, -q), 1e-15)
+    np.testing.assert_array_equal(rotations.log(-q), logs)
 
 
 @given(

@@ -9,12 +9,7 @@ from hypothesis import given, settings
 import mograft as mg
 import mograft.constraints as mc
 from mograft.dancer import dance
-from mograft.solve.donor_trellis import (
-    candidate_poses,
-    candidate_violations,
-    find_evaluated_positions,
-    reachable_balls,
-)
+from mograft.solve.donor_trellis import candidate_violations, find_evaluated_positions
 from tests.oracles.constraints import candidate_amounts
 from tests.strategies import SEEDS, few_examples
 
@@ -95,27 +90,6 @@ def test_candidate_violations_match_poses_of_every_candidate_bit_for_bit(
     for own, (hard, soft) in zip(found, candidate_amounts(problem, group, chosen), strict=True):
         assert own.hard.tobytes() == hard.tobytes()
         assert own.soft.tobytes() == soft.tobytes()
-
-
-@settings(few_examples(7), deadline=None)
-@given(SEEDS)
-def test_reachable_balls_contain_the_capsules_of_every_candidate(libraries, make_problem, seed):
-    rng = np.random.default_rng(seed)
-    problem, group, _ = random_problem(libraries, make_problem, rng)
-    balls, segments = reachable_balls(problem, group, problem.base), problem.base_segments
-    driven = problem.driven_joints[group]
-    for position in rng.integers(len(segments), size=8).tolist():
-        donors = problem.candidates[group][position]
-        poses = candidate_poses(problem, group, np.full(len(donors), position), donors)
-        body = poses.capsules
-        own = driven[body.joints]
-        ends = poses.ends[:, own].reshape(len(poses), -1, 1, 3)
-        radii = np.repeat(body.radii[own], 2)[:, None]
-        joints = poses.positions[:, driven][:, :, None]
-        centers = balls.positions[poses.frames][:, None]
-        for points, radius in ((ends, radii), (joints, 0.0)):
-            distances = np.linalg.norm(points - centers, axis=-1)
-            assert (distances + radius <= balls.capsules.radii).any(axis=2).all()
 
 
 class _Sphere(mc.Sphere):

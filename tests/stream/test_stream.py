@@ -15,7 +15,6 @@ from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.solve.donor_trellis import build_trellis
 from mograft.solve.search_problem import SearchProblem
-from mograft.stream.search import StreamSearch
 from mograft.stream.server import StreamServer
 from tests.oracles import search as oracle
 from tests.strategies import assert_same_rotations
@@ -279,26 +278,6 @@ def test_stream_hard_constraint_violations_are_listed_and_fewer_than_without(
         n_without += (avoid.errors(unconstrained)[0] > 1.0).sum()
         n_with += is_violated.sum()
     assert n_with < n_without
-
-
-def test_stream_horizon_1_violates_a_constraint_only_if_all_candidates_do(
-    library, base, monkeypatch
-):
-    calls = []
-    pose_costs = StreamSearch.pose_costs
-
-    def record_pose_costs(search, segment, *arguments, **options):
-        costs = pose_costs(search, segment, *arguments, **options)
-        calls.append((segment.start, costs))
-        return costs
-
-    monkeypatch.setattr(StreamSearch, "pose_costs", record_pose_costs)
-    options = {"constraints": [ball_at_hand(base)], "horizon": 1}
-    pieces = stream_pieces(with_choice(library, "viterbi"), base, **options)
-    last_costs = dict(calls)  # the last call for a segment is after seam treatment
-    assert any((costs > 0).any() and (costs == 0).any() for costs in last_costs.values())
-    for piece in pieces:
-        assert bool(piece.violations) == (last_costs[piece.substitutions[0].start] > 0).all()
 
 
 @FEW_EXAMPLES

@@ -55,6 +55,14 @@ class Person:
         wait_until(self.page, f"(async () => {{ const state = {STATE}; return {condition}; }})()")
         return self.state()
 
+    def until_second(self, condition):
+        """Wait until a JavaScript condition on the second ``motion`` holds; return the motion."""
+        wait_until(
+            self.page,
+            f"(async () => {{ const motion = {STATE}.motions[1]; return {condition}; }})()",
+        )
+        return self.state()["motions"][1]
+
     def drop(self, path):
         """Drop a file on the page, and wait for the library."""
         self.page.evaluate(_DROP, [path.name, base64.b64encode(path.read_bytes()).decode()])

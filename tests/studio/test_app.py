@@ -23,7 +23,7 @@ def running(folder, given=(), session=None):
     session, reports = session or FakeSession(), []
     with StudioServer(session, folder, given, report=reports.append) as server:
         origin = server.url.partition("/?")[0]
-        with httpx.Client(base_url=origin, headers={"origin": origin}, timeout=30) as client:
+        with httpx.Client(base_url=origin, headers={"origin": origin}, timeout=60) as client:
             assert client.get(server.url).status_code == 303
             client.server = server
             yield client, session, reports

@@ -3,10 +3,10 @@
 import json
 import shutil
 import tempfile
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-import httpx
 import pytest
 from hypothesis import Phase, settings
 from hypothesis import strategies as st
@@ -17,34 +17,16 @@ from mograft.dancer import dance
 from mograft.library.origin import hash_poses
 from mograft.studio import sources
 from mograft.studio.actions.editing import is_locked
-from mograft.studio.server import StudioServer
 from mograft.studio.session import Session
 from tests.studio.conftest import build_once
+from tests.studio.test_app import running
+from tests.studio.test_session import AVOID, REACH
 
 N_FRAMES = 150
 frames = st.tuples(st.integers(0, N_FRAMES - 1), st.integers(0, N_FRAMES - 1)).map(sorted)
 groups = st.sampled_from([None, "upper"])
 number = st.integers(0, 3)
-constraints = st.builds(
-    lambda x, z, span: {
-        "kind": "Avoid",
-        "obstacle": {"kind": "Sphere", "center": [x, 110.0, z], "radius": 8.0},
-        "frames": list(span),
-    },
-    st.floats(-40, 40),
-    st.floats(-40, 40),
-    frames,
-) | st.builds(
-    lambda x, at: {
-        "kind": "Reach",
-        "joint": "LeftHand",
-        "target": [x, 120.0, 30.0],
-        "frames": [at, at],
-        "tolerance": 0.2,
-    },
-    st.floats(-40, 40),
-    st.integers(0, N_FRAMES - 1),
-)
+constraints = st.sampled_from([AVOID, {**AVOID, "frames": [0, 40]}, REACH])
 
 
 @pytest.fixture(scope="module")
@@ -230,11 +212,8 @@ class ServedSession:
     """A session whose actions are requests to a server of it."""
 
     def __init__(self, session):
-        self._session = session
-        self._server = StudioServer(session, session.folder, report=lambda _: None).__enter__()
-        origin = self._server.url.partition("/?")[0]
-        self._client = httpx.Client(base_url=origin, headers={"origin": origin}, timeout=60)
-        self._client.get(self._server.url)
+        self._session, self._stack = session, ExitStack()
+        self._client, *_ = self._stack.enter_context(running(session.folder, session=session))
 
     def __getattr__(self, name):
         return getattr(self._session, name)
@@ -249,8 +228,7 @@ class ServedSession:
         assert reply.json()["revision"] == shown["revision"]
 
     def close(self):
-        self._client.close()
-        self._server.__exit__()
+        self._stack.close()
         self._session.close()
 
 

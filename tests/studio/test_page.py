@@ -93,28 +93,27 @@ def graft_of(session, name="m1"):
     return session.workshop.graft(session.project.motion(name).record)
 
 
-def test_page_has_the_poses_of_the_session_also_after_any_edits_and_undo(browser, session):
+def test_page_has_the_poses_of_the_session_also_after_any_edits_and_undo(page, session):
     rng = np.random.default_rng(5)
-    with opened(browser, session) as page:
-        base = graft_of(session).base
-        assert_posed(page, "clip", "one", base, [0, 1, 137, base.n_frames - 1])
-        for name in ("", "ban", "restore", "change", "regenerate", "undo", "ban", "restore"):
-            start = int(rng.integers(0, base.n_frames - 60))
-            where = {"id": "m1", "group": "upper", "first": start, "last": start + 40}
-            if name:
-                action = {"action": name} | ({} if name == "undo" else where)
-                run(page, "await modules.store.act(argument);", action)
-            key = session.project.motion("m1").record
-            wait_until(
-                page,
-                "(async () => { const { figureOf } = await import('/studio/figures.js');"
-                f"return figureOf('motion', 'm1').hash === '{key}' }})()",
-            )
-            frames = [0, *rng.integers(0, base.n_frames, 12), base.n_frames - 1]
-            assert_posed(page, "motion", "m1", graft_of(session).motion, frames)
+    base = graft_of(session).base
+    assert_posed(page, "clip", "one", base, [0, 1, 137, base.n_frames - 1])
+    for name in ("", "ban", "restore", "change", "regenerate", "undo", "ban", "restore"):
+        start = int(rng.integers(0, base.n_frames - 60))
+        where = {"id": "m1", "group": "upper", "first": start, "last": start + 40}
+        if name:
+            action = {"action": name} | ({} if name == "undo" else where)
+            run(page, "await modules.store.act(argument);", action)
+        key = session.project.motion("m1").record
+        wait_until(
+            page,
+            "(async () => { const { figureOf } = await import('/studio/figures.js');"
+            f"return figureOf('motion', 'm1').hash === '{key}' }})()",
+        )
+        frames = [0, *rng.integers(0, base.n_frames, 12), base.n_frames - 1]
+        assert_posed(page, "motion", "m1", graft_of(session).motion, frames)
 
 
-def test_patch_with_tracks_that_did_not_turn_equals_the_whole_figure(browser, session):
+def test_patch_with_tracks_that_did_not_turn_equals_the_whole_figure(page):
     body = """
       const clip = await figure("motion", "m1");
       const { values, tracks, turning } = clip;
@@ -139,8 +138,7 @@ def test_patch_with_tracks_that_did_not_turn_equals_the_whole_figure(browser, se
       const other = rest[0];
       return [small.tracks === tracks, turn(small, joint, 45), turn(source, joint, 5),
         turn(small, joint, 39), turn(small, other, 39), turn(clip, other, 39)];"""
-    with opened(browser, session) as page:
-        has_track, patched, source, before, kept, whole = run(page, body, 3)
+    has_track, patched, source, before, kept, whole = run(page, body, 3)
     assert has_track
     assert (patched, before, kept) == (source, [0, 0, 0, 1], whole)
 
@@ -180,7 +178,7 @@ def assert_records_close(found, expected):
         np.testing.assert_allclose(found, expected, rtol=2e-5, atol=2e-3)
 
 
-def test_record_of_a_shape_that_nobody_moved_is_the_record(browser, session):
+def test_record_of_a_shape_that_nobody_moved_is_the_record(page):
     rng = np.random.default_rng(7)
 
     def vector(low=-200.0, high=200.0):
@@ -211,8 +209,7 @@ def test_record_of_a_shape_that_nobody_moved_is_the_record(browser, session):
         const mesh = makeMesh(record, clip);
         return recordOf({ record, mesh, scale: mesh.scale.toArray() });
       });"""
-    with opened(browser, session) as page:
-        found = run(page, body, records)
+    found = run(page, body, records)
     for got, want in zip(found, records, strict=True):
         assert_records_close(got, want)
 
@@ -277,28 +274,27 @@ def test_range_that_is_dragged_over_a_lane_is_locked_and_undone_by_keyboard(page
     page.locator(".locked").first.wait_for()
 
 
-def test_path_that_is_drawn_on_the_floor_is_sent_in_axes_of_the_page(browser, session):
+def test_path_that_is_drawn_on_the_floor_is_sent_in_axes_of_the_page(page):
     sent = []
-    with opened(browser, session) as page:
-        page.locator("#tab-scenario").click()
-        page.locator("button", has_text="Draw path").click()
-        page.wait_for_timeout(300)
-        box = page.locator("[data-part=graftTile]").bounding_box()
-        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-        page.mouse.move(x, y)
-        page.mouse.down()
-        page.mouse.move(x + 100, y - 60, steps=10)
-        page.mouse.up()
-        page.route(
-            "**/api/do",
-            lambda route: (
-                sent.append(route.request.post_data_json),
-                route.fulfill(json={"revision": 1, "motions": [], "message": ""}),
-            ),
-        )
-        page.locator("button", has_text="along this path").click()
-        wait_until(page, "true")
-        page.wait_for_timeout(300)
+    page.locator("#tab-scenario").click()
+    page.locator("button", has_text="Draw path").click()
+    page.wait_for_timeout(300)
+    box = page.locator("[data-part=graftTile]").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 100, y - 60, steps=10)
+    page.mouse.up()
+    page.route(
+        "**/api/do",
+        lambda route: (
+            sent.append(route.request.post_data_json),
+            route.fulfill(json={"revision": 1, "motions": [], "message": ""}),
+        ),
+    )
+    page.locator("button", has_text="along this path").click()
+    wait_until(page, "true")
+    page.wait_for_timeout(300)
     (action,) = sent
     points = np.array(action["points"])
     assert action["action"] == "scenario"
@@ -375,27 +371,26 @@ def test_constraints_of_every_kind_are_added_and_shown_by_another_page(browser, 
     np.testing.assert_allclose(box.rotation, [0, np.sin(half), 0, np.cos(half)], atol=1e-6)
 
 
-def test_constraints_of_one_kind_have_names_and_places_of_their_own(browser, session):
+def test_constraints_of_one_kind_have_names_and_places_of_their_own(page, session):
     shapes = ["Sphere", "Wall", "Sphere", "Wall", "Sphere"]
     limbs = "No limb through the body"
     kinds = [*(f"{own} to avoid" for own in shapes), limbs]
     names = ["Sphere 1", "Wall 1", "Sphere 2", "Wall 2", "Sphere 3", limbs]
-    with opened(browser, session) as page:
-        add_constraints(page, kinds)
-        assert page.locator(".constraint h3").all_inner_texts() == names
-        assert page.locator(".name.thin").all_inner_texts() == names
-        state = run(page, "return modules.store.selected();")
-        violated = {names[own["number"]] for own in state["violations"]}
-        assert violated
-        cards = page.locator(".constraint", has=page.locator(".violations"))
-        assert set(cards.locator("h3").all_inner_texts()) == violated
-        kept = page.locator(".constraint", has=page.get_by_text("✓ satisfied"))
-        assert set(kept.locator("h3").all_inner_texts()) == set(names) - violated
-        marks = page.locator(".violated").evaluate_all("all => all.map((own) => own.ariaLabel)")
-        assert {own.partition(":")[0] for own in marks} == violated
-        worst = graft_of(session).violations[0].worst
-        cards.first.get_by_role("button", name="Violated").click()
-        assert int(page.locator("[data-part=frame]").input_value()) == worst
+    add_constraints(page, kinds)
+    assert page.locator(".constraint h3").all_inner_texts() == names
+    assert page.locator(".name.thin").all_inner_texts() == names
+    state = run(page, "return modules.store.selected();")
+    violated = {names[own["number"]] for own in state["violations"]}
+    assert violated
+    cards = page.locator(".constraint", has=page.locator(".violations"))
+    assert set(cards.locator("h3").all_inner_texts()) == violated
+    kept = page.locator(".constraint", has=page.get_by_text("✓ satisfied"))
+    assert set(kept.locator("h3").all_inner_texts()) == set(names) - violated
+    marks = page.locator(".violated").evaluate_all("all => all.map((own) => own.ariaLabel)")
+    assert {own.partition(":")[0] for own in marks} == violated
+    worst = graft_of(session).violations[0].worst
+    cards.first.get_by_role("button", name="Violated").click()
+    assert int(page.locator("[data-part=frame]").input_value()) == worst
     records = [own.obstacle for own in graft_of(session).request.constraints[:5]]
     assert pdist([own.center for own in records[::2]]).min() > 10
     # A wall that is moved along itself would be the same wall.
@@ -403,7 +398,7 @@ def test_constraints_of_one_kind_have_names_and_places_of_their_own(browser, ses
     assert abs((walls[1] - walls[0]) @ np.array(records[1].normal)) > 10
 
 
-def test_labels_on_the_stage_do_not_cover_each_other(browser, session):
+def test_labels_on_the_stage_do_not_cover_each_other(page, session):
     sphere = {"kind": "Sphere", "center": [0.0, 100.0, 30.0], "radius": 5.0}
     for _ in range(4):
         record = {"kind": "Avoid", "obstacle": sphere}
@@ -419,8 +414,7 @@ def test_labels_on_the_stage_do_not_cover_each_other(browser, session):
       while (!found["Sphere 4"]) await new Promise((resolve) => setTimeout(resolve, 20));
       prototype.fillText = fillText;
       return Object.values(found);"""
-    with opened(browser, session) as page:
-        labels = run(page, body)
+    labels = run(page, body)
     assert len(labels) >= 4
     for (x, y, width), (other_x, other_y, other_width) in combinations(labels, 2):
         assert abs(x - other_x) >= (width + other_width) / 2 or abs(y - other_y) >= 12
@@ -439,7 +433,7 @@ def test_export_says_what_is_written_and_where(page, session):
     dialog.get_by_text("1 motion with a tick at “Keep for export”.", exact=True).wait_for()
 
 
-def test_previews_stand_still_for_who_wants_less_motion(browser, session):
+def test_previews_stand_still_for_who_wants_less_motion(page):
     count = """(async () => {
       const { prototype } = WebGL2RenderingContext;
       const { clear } = prototype;
@@ -452,32 +446,29 @@ def test_previews_stand_still_for_who_wants_less_motion(browser, session):
       prototype.clear = clear;
       return found;
     })()"""
-    with opened(browser, session) as page:
-        for own in ("m1", "m2", "m3"):
-            until_figure(page, own)
-        page.wait_for_timeout(500)
-        assert page.get_by_role("button", name="previews").get_attribute("aria-pressed") == "false"
-        assert page.evaluate(count) == 0
-        page.get_by_role("button", name="previews").click()
-        wait_until(page, f"{count}.then((found) => found > 0)")
+    for own in ("m1", "m2", "m3"):
+        until_figure(page, own)
+    assert page.get_by_role("button", name="previews").get_attribute("aria-pressed") == "false"
+    wait_until(page, f"{count}.then((found) => found === 0)")
+    page.get_by_role("button", name="previews").click()
+    wait_until(page, f"{count}.then((found) => found > 0)")
 
 
-def test_parts_that_are_listed_for_another_selection_can_not_be_used(browser, session):
+def test_parts_that_are_listed_for_another_selection_can_not_be_used(page, session):
     record = session.project.motion("m1").record
-    with opened(browser, session) as page:
-        page.locator(".card .preview").first.click()
-        page.locator('.lane[data-group="upper"] .block').nth(1).click()
-        use = page.locator("table.donors tbody:not([aria-busy]) button:enabled", has_text="Use")
-        use.first.wait_for()
-        page.evaluate("""() => {
-          const block = document.querySelectorAll('.lane[data-group="upper"] .block')[2];
-          block.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter", bubbles: true }));
-          document.querySelector("table.donors td:last-child button:enabled").click();
-        }""")
-        use.first.wait_for()
-        page.wait_for_timeout(200)
-        assert session.project.motion("m1").record == record
-        use.first.focus()
-        page.keyboard.press("Enter")
-        state = "(async () => (await (await fetch('/api/state')).json()).motions[0].hash"
-        wait_until(page, f"{state} !== '{record}')()")
+    page.locator(".card .preview").first.click()
+    page.locator('.lane[data-group="upper"] .block').nth(1).click()
+    use = page.locator("table.donors tbody:not([aria-busy]) button:enabled", has_text="Use")
+    use.first.wait_for()
+    page.evaluate("""() => {
+      const block = document.querySelectorAll('.lane[data-group="upper"] .block')[2];
+      block.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter", bubbles: true }));
+      document.querySelector("table.donors td:last-child button:enabled").click();
+    }""")
+    use.first.wait_for()
+    page.wait_for_timeout(200)
+    assert session.project.motion("m1").record == record
+    use.first.focus()
+    page.keyboard.press("Enter")
+    state = "(async () => (await (await fetch('/api/state')).json()).motions[0].hash"
+    wait_until(page, f"{state} !== '{record}')()")

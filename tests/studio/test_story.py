@@ -15,6 +15,7 @@ from tests.studio.story import studio
 pytestmark = pytest.mark.browser
 
 LISTED = "table.donors tbody:not([aria-busy])"  # the donors of the selection itself
+AVOIDS = "motion.constraints.some(({ record }) => record.kind === 'Avoid')"
 SOURCES = ["kaykit_Knight.glb", "dance.bvh"]
 
 
@@ -57,11 +58,12 @@ def check_export(person, folder):
         assert record["name"] == kept["name"]
 
 
-def check_frames_played(page, first, last):
-    """Check that the frames played are those of a selection."""
+def check_played(page, lock):
+    """Check that the frames played are those of a lock."""
     for _ in range(5):
         page.wait_for_timeout(150)
-        assert first <= int(page.get_by_label("frame", exact=True).input_value()) <= last
+        frame = int(page.get_by_label("frame", exact=True).input_value())
+        assert lock["first"] <= frame <= lock["last"]
 
 
 def test_story_by_pointer_exports_what_the_command_makes(browser, source, tmp_path):
@@ -79,42 +81,33 @@ def test_story_by_pointer_exports_what_the_command_makes(browser, source, tmp_pa
         page.locator(".card .preview").nth(1).click()
         person.blocks("upper").nth(2).click()
         row = page.locator(f"{LISTED} tr", has=page.locator("button:enabled", has_text="Use"))
+        old = person.state()["motions"][1]["hash"]
         row.first.hover()
-        old = person.state()["motions"][1]
         row.first.get_by_role("button", name="Use").click()
-        new = person.until(f"state.motions[1].hash !== '{old['hash']}'")["motions"][1]
-        assert old["hash"] != new["hash"]
-
+        person.until_second(f"motion.hash !== '{old}'")
         person.button("Lock").click()
-        (lock,) = person.until("state.motions[1].locks.length")["motions"][1]["locks"]
-        first, last = lock["first"], lock["last"]
+        (lock,) = person.until_second("motion.locks.length")["locks"]
         assert lock["group"] == "upper"
 
         page.get_by_role("tab", name="Obstacles, targets").click()
         page.get_by_role("combobox", name="new", exact=True).select_option("Sphere to avoid")
         person.button("Add").click()
-        state = person.until(
-            "state.motions[1].constraints.some(({ record }) => record.kind === 'Avoid')"
-        )
-        records = [own["record"] for own in state["motions"][1]["constraints"]]
-        radius = records[-1]["obstacle"]["radius"]
+        motion = person.until_second(AVOIDS)
+        radius = motion["constraints"][-1]["record"]["obstacle"]["radius"]
         page.get_by_role("spinbutton", name="radius").fill(str(radius / 2))
         page.keyboard.press("Tab")
-        state = person.until(
-            "state.motions[1].constraints.some(({ record }) => "
-            f"record.obstacle && record.obstacle.radius < {radius * 0.6})"
-        )
-        assert state["motions"][1]["locks"] == [lock]
+        is_smaller = f"motion.constraints.at(-1).record.obstacle.radius < {radius * 0.6}"
+        assert person.until_second(is_smaller)["locks"] == [lock]
 
         page.keyboard.press("Escape")
         person.blocks("upper").nth(2).click()
         person.button("Repeat selection").click()
         person.button("Play").click()
-        check_frames_played(page, first, last)
+        check_played(page, lock)
         person.button("Pause").click()
 
         page.locator(".card").nth(1).get_by_label("Keep").check()
-        person.until("state.motions[1].isKept")
+        person.until_second("motion.isKept")
         person.button("Export 1 motion…").click()
         person.button("Export").click()
         page.locator(".dialog .result bdi").wait_for()
@@ -142,37 +135,34 @@ def test_story_by_keyboard_alone_exports_what_the_command_makes(browser, source,
 
         person.press(page.locator(".card .preview").nth(1))
         person.press(page.locator(".card").nth(1).get_by_role("button", name="Favourite"))
-        person.until("state.motions[1].mark === 'star'")
+        person.until_second("motion.mark === 'star'")
         person.tab_to(page.locator(".block[tabindex='0']"))
         for _ in range(2):
             page.keyboard.press("ArrowRight")
         take = page.locator(f"{LISTED} button:enabled", has_text="Use").first
         old = person.state()["motions"][1]["hash"]
         person.press(take)
-        person.until(f"state.motions[1].hash !== '{old}'")
+        person.until_second(f"motion.hash !== '{old}'")
         page.keyboard.press("k")
-        (lock,) = person.until("state.motions[1].locks.length")["motions"][1]["locks"]
+        (lock,) = person.until_second("motion.locks.length")["locks"]
         person.press(person.button("Repeat selection"))
         person.press(person.button("Play"))
-        check_frames_played(page, lock["first"], lock["last"])
+        check_played(page, lock)
         person.press(person.button("Pause"))
 
         person.tab_to(page.get_by_role("tab", name="Selected part"))
         page.keyboard.press("ArrowRight")
         person.press(person.button("Add"))
-        state = person.until(
-            "state.motions[1].constraints.some(({ record }) => record.kind === 'Avoid')"
-        )
-        before = len(state["motions"][1]["constraints"])
+        before = len(person.until_second(AVOIDS)["constraints"])
         page.keyboard.press("Control+z")
-        person.until(f"state.motions[1].constraints.length === {before - 1}")
+        person.until_second(f"motion.constraints.length === {before - 1}")
         page.locator("button:enabled", has_text="Redo").wait_for()
         page.keyboard.press("Control+Shift+z")
-        state = person.until(f"state.motions[1].constraints.length === {before}")
-        assert state["motions"][1]["locks"] == [lock]
+        motion = person.until_second(f"motion.constraints.length === {before}")
+        assert motion["locks"] == [lock]
 
         person.press(page.locator(".card").nth(1).get_by_label("Keep"), "Space")
-        person.until("state.motions[1].isKept")
+        person.until_second("motion.isKept")
         page.keyboard.press("Control+e")
         person.press(person.button("Export"))
         page.locator(".dialog .result bdi").wait_for()
@@ -229,11 +219,11 @@ def test_every_state_fits_its_width_names_its_controls_and_has_no_serious_fault_
         person.blocks("upper").nth(1).click()
         page.locator("table.donors tbody tr").first.wait_for()
         person.button("Lock").click()
-        person.until("state.motions[1].locks.length")
+        person.until_second("motion.locks.length")
         look("segment")
         page.get_by_role("tab", name="Obstacles, targets").click()
         person.button("Add").click()
-        person.until("state.motions[1].constraints.length")
+        person.until_second("motion.constraints.length")
         look("constraints")
         person.button("Export this motion…").click()
         look("export")

@@ -6,7 +6,8 @@ import pickle
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -18,8 +19,12 @@ from typing import Any, ParamSpec, TypeVar
 from mograft._util.signals import delay_signals
 from mograft.errors import MograftError
 
+Item = TypeVar("Item")
 P = ParamSpec("P")
 T = TypeVar("T")
+
+_MAX_AHEAD = 16
+"""Calls that are submitted and whose results are not yet consumed; bounds memory."""
 
 
 @contextmanager
@@ -40,6 +45,29 @@ def worker_processes(n: int) -> Iterator[Executor | None]:
         raise
     finally:
         pool.end()
+
+
+def map_ahead(
+    executor: Executor | None, function: Callable[[Item], T], items: Iterable[Item]
+) -> Iterator[T]:
+    """Yield the result of a function for each item, in order.
+
+    Workers, if there are any, compute a few results ahead of the one that is needed.
+    """
+    if executor is None:
+        yield from map(function, items)
+        return
+    pending = deque[Future[T]]()
+    try:
+        for item in items:
+            pending.append(executor.submit(function, item))
+            if len(pending) == _MAX_AHEAD:
+                yield pending.popleft().result()
+        while pending:
+            yield pending.popleft().result()
+    finally:
+        for future in pending:
+            future.cancel()
 
 
 _command_line = spawn.get_command_line

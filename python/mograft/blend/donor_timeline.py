@@ -1,12 +1,12 @@
 """Donor segments stretched to replace base segments: their values at any time, and their seams."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray, split_by_counts
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.blend.rigid_alignment import AlignmentTransform
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import (
@@ -22,9 +22,6 @@ from mograft.config import FRAME, Config
 from mograft.motion import rotations
 from mograft.motion.resample import clip_states, sample_clips
 from mograft.motion.segments import Segments
-
-_MAX_KNOWN_VALUES = 1 << 21
-"""Greatest number of numbers in a `SampledDonors`: 16 MiB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,34 +224,6 @@ class DonorTimeline:
         return seams
 
 
-class SampledDonors:
-    """The rotations of stretched donors that were computed last, for one joint group.
-
-    Self-repair assembles most donors of a motion several times.
-    """
-
-    def __init__(self) -> None:
-        self._rows: dict[tuple[int, ...], FloatArray] = {}
-        self._n_values = 0
-
-    def __reduce__(self) -> tuple[type["SampledDonors"], tuple[()]]:
-        return SampledDonors, ()
-
-    def rows(
-        self, keys: Sequence[tuple[int, ...]], compute: Callable[[IntArray], list[FloatArray]]
-    ) -> FloatArray:
-        """Return the rows of all keys; `compute` is called with the indices of unknown ones."""
-        found = [self._rows.get(key) for key in keys]
-        missing = [index for index, own in enumerate(found) if own is None]
-        for index, own in zip(missing, compute(np.array(missing, np.int64)), strict=True):
-            if self._n_values + own.size > _MAX_KNOWN_VALUES:
-                self._rows.clear()
-                self._n_values = 0
-            self._rows[keys[index]] = found[index] = own
-            self._n_values += own.size
-        return np.concatenate([own for own in found if own is not None])
-
-
 @dataclass(frozen=True, eq=False)
 class DonorLayout:
     """A joint group's motion in the donors' clips, the donor of each segment, and the seams."""
@@ -264,8 +233,6 @@ class DonorLayout:
     positions: Sequence[FloatArray]  # of the joints that translate, (n_frames, n_moving, 3)
     seams: BoolArray  # (n_segments - 1,): whether a segment ends with a seam
     config: Config  # gives `seam`, `seam_window` and `seam_blend`
-    # Known rotations of these clips, and the index of each donor's clip in the library.
-    known: tuple[SampledDonors, IntArray] | None = None
 
     def close(self) -> tuple[FloatArray, FloatArray]:
         """Return rotations and translations of all frames with closed gaps, after `smooth`."""
@@ -295,7 +262,7 @@ class DonorLayout:
         if not self.tracks(space)[0].shape[1]:
             return np.empty((len(kept), *self.tracks(space)[0].shape[1:]))
         times = timeline.frame_times()
-        rows, boundaries = self._sample(space, times), self.boundaries(space)
+        rows, boundaries = timeline.sample(space, self.tracks(space), times), self.boundaries(space)
         frames = SegmentTimes(times.segment[kept], times.frames[kept])
         closed = ClosedFrames(
             space=space,
@@ -309,25 +276,6 @@ class DonorLayout:
             seam_accelerations=boundaries.accelerations,
         )
         return treatment.smooth(closed)
-
-    def _sample(self, space: ValueSpace, times: SegmentTimes) -> FloatArray:
-        """Return the donors' values at all `frame_times` of the timeline."""
-        timeline, tracks = self.timeline, self.tracks(space)
-        is_plain = space is ROTATIONS and timeline.warp is None and timeline.alignment is None
-        n_values = len(times.frames) * tracks[0][0].size
-        if self.known is None or not is_plain or n_values > _MAX_KNOWN_VALUES:
-            return timeline.sample(space, tracks, times)
-
-        def compute(segments: IntArray) -> list[FloatArray]:
-            if not len(segments):
-                return []
-            part = replace(timeline, cut=timeline.cut[segments], donors=timeline.donors[segments])
-            rows = part.sample(space, tracks, part.frame_times())
-            return split_by_counts(rows, part.cut.lengths + 1)
-
-        sampled, clips = self.known
-        columns = (clips, timeline.donors.start, timeline.donors.stop, timeline.cut.lengths)
-        return sampled.rows([*zip(*(own.tolist() for own in columns), strict=True)], compute)
 
 
 def _frames(

@@ -71,7 +71,6 @@ def transplant(
     """
     # Clips of a stored library are read on access, so only those of the donors are accessed.
     used, clip = np.unique(donors.clip, return_inverse=True)
-    sources = donors.clip
     donors, clips = replace(donors, clip=clip), [clips[index] for index in used]
     joints = group.whole_joints
     timeline = DonorTimeline(cut, donors, base.rate)
@@ -95,8 +94,7 @@ def transplant(
         own, is_moving = joints[block], moving[block]
         tracks = [lean.upright_tracks(clip, block) for clip in clips]
         places = [clip.positions.take(own[is_moving], axis=1) for clip in resized]
-        known = (lean.sampled, sources) if len(blocks) == 1 else None
-        layout = DonorLayout(timeline, tracks, places, seams, config, known)
+        layout = DonorLayout(timeline, tracks, places, seams, config)
         if group.root in own.tolist():
             assert group.root is not None
             columns = (int(np.argmax(ids == group.root)) for ids in (own, own[is_moving]))

@@ -1,14 +1,13 @@
 """`Config.torso`: the lean of a grafted trunk whose parent joint belongs to another group."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray, make_read_only
 from mograft._util.containers import remember
 from mograft._util.gaussian import gaussian_filter_columns
-from mograft.blend.donor_timeline import SampledDonors
 from mograft.blend.rigid_alignment import joint_track
 from mograft.body.anatomy import anatomy
 from mograft.config import Config
@@ -45,8 +44,6 @@ class TrunkLean:
     up: int  # the axis that points up
     uprights: FloatArray  # result of `_uprights` for the parent of each trunk joint
     base_leans: FloatArray  # Y_i⁻¹ R_i in each frame of the base, (n_frames, n_columns, 4)
-    # Rotations of donors with these leans. All calls of `transplant` have the same `clips`.
-    sampled: SampledDonors = field(default_factory=SampledDonors)
 
     @classmethod
     def from_config(cls, base: Motion, joints: IntArray, up: int, config: Config) -> "TrunkLean":

@@ -171,21 +171,20 @@ class Augmentation(LazySequence[dict[str, Array]]):
         known: set[tuple[int, bytes]] = set()
         for draw, donors in enumerate(drawn):
             keys = [(start, _key(plan, donors, start, self.n_frames)) for start in starts]
-            graft = build_graft(plan, donors, self.seed, draw) if draw >= first else None
-            if graft is not None:
+            if draw >= first:
+                graft = build_graft(plan, donors, self.seed, draw)
                 is_new = frame_newness(graft)[0]
-                shares = [float(is_new[start : start + self.n_frames].mean()) for start in starts]
                 kept = [
                     start
-                    for start, key, share in zip(starts, keys, shares, strict=True)
-                    if share >= self.min_new and key not in known
+                    for start, key in keys
+                    if (start, key) not in known
+                    and is_new[start : start + self.n_frames].mean() >= self.min_new
                 ]
                 n_rejected += len(starts) - len(kept)
                 windows += self._windows(graft, draw, kept, encode)
             known.update(keys)
-        return JobResult(
-            windows, n_rejected + len(starts) * max(first + self.variants - len(drawn), 0)
-        )
+        n_rejected += len(starts) * max(first + self.variants - len(drawn), 0)
+        return JobResult(windows, n_rejected)
 
     def _windows(
         self, graft: Graft, draw: int, starts: Sequence[int], encode: Encode | None
@@ -193,12 +192,11 @@ class Augmentation(LazySequence[dict[str, Array]]):
         motion, root, found = graft.motion, self.library.root, list[Window]()
         tracks = compute_tracks(self.features, motion, root)
         for start in starts:
-            frames, data = slice(start, start + self.n_frames), b""
+            frames = slice(start, start + self.n_frames)
             name = f"{graft.base.name}_{draw}_{start}"
-            if encode is not None:
-                data = encode(replace(motion[frames], name=name))
             provenance = provenance_rows(graft, draw, start, self.n_frames)
             row = cut_window(self.features, tracks, motion, frames, root)
+            data = encode(replace(motion[frames], name=name)) if encode else b""
             found.append(Window(name, row, provenance, data))
         return found
 

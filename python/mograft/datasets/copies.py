@@ -28,7 +28,6 @@ _N_AXES, _N_CHECKED = 4, 12
 """Principal components by which poses are found, and by which pairs are then excluded."""
 
 _FEWEST_SEGMENTS = 1024  # of which the slower half is not selected
-_LEVEL = 0.5  # of indices, in factors of two of the tolerance
 
 _PAIRS_PER_BATCH, _FRAMES_PER_BATCH = 1 << 14, 256
 # Of a spatial hash: Teschner et al. (2003), and one more prime.
@@ -41,10 +40,10 @@ def find_shared_clips(library: Library, ours: BoolArray, others: BoolArray) -> I
     Both are masks of clips. A passage is a whole segment of one of `ours`, with some motion, that
     occurs among the frames of another clip or of its mirror image.
     """
-    indices = _SegmentIndex.build(library, np.flatnonzero(ours[library.segments.clip]))
+    index = _SegmentIndex.build(library, np.flatnonzero(ours[library.segments.clip]))
     found = np.zeros(len(library.segments), bool)
-    for quats in _poses(library, np.flatnonzero(others), indices[0].joints) if indices else ():
-        for index in indices:
+    if index is not None:
+        for quats in _poses(library, np.flatnonzero(others), index.joints):
             found[index.find(quats)] = True
     shared: IntArray = np.unique(library.segments.clip[found])
     return shared
@@ -66,8 +65,8 @@ class _SegmentIndex:
     segments: IntArray  # indices in the library, sorted by `keys`
     lengths: IntArray
     joints: IntArray  # that are compared: all whose rotations are features, but the root
-    ends: tuple[FloatArray, FloatArray]  # first and last poses, each (n, n_joints, 4)
-    limits: tuple[FloatArray, FloatArray]  # tolerances of the angles in them, each (n, n_joints)
+    ends: tuple[FloatArray, ...]  # first and last poses, each (n, n_joints, 4)
+    limits: tuple[FloatArray, ...]  # tolerances of the angles in them, each (n, n_joints)
     mean: FloatArray
     axes: FloatArray  # principal components of first poses, (_N_CHECKED, n_features)
     reach: float  # greatest difference of two equal poses in a component
@@ -75,23 +74,25 @@ class _SegmentIndex:
     keys: IntArray  # cells of `points`, ascending
 
     @classmethod
-    def build(cls, library: Library, segments: IntArray) -> "list[_SegmentIndex]":
-        """Return indices of segments of similar tolerances: those of slow ones are the fastest."""
-        columns = _compared_columns(library)
-        ends, limits = [], []
-        for end in ("first", "last"):
-            states = library.boundary_states
-            parts = [states[group][end][segments][:, own] for group, own, _ in columns]
-            speeds = [
-                states[group][f"{end}_velocity"][segments][:, own] for group, own, _ in columns
-            ]
-            ends.append(np.concatenate(parts, axis=1))
-            turns = np.linalg.norm(np.concatenate(speeds, axis=1), axis=2) / (2.0 * library.rate)
-            limits.append(np.minimum(COPY_ANGLE + turns, _MAX_TURN))
-        joints = np.concatenate([own for _, _, own in columns])
+    def build(cls, library: Library, segments: IntArray) -> "_SegmentIndex | None":
+        """Return the index of those of some segments that move, and not too fast; None if none do.
+
+        The fastest joints have wide tolerances; segments that begin slowly find copies as well.
+        """
+        members = feature_joints_by_group(library.groups, library.skeleton)
+        joints = np.setdiff1d(np.concatenate(list(members.values())), [library.root])
+
+        def states(key: str, size: int) -> FloatArray:
+            found = np.zeros((len(segments), library.skeleton.n_joints, size))
+            for group, own in members.items():
+                found[:, own] = library.boundary_states[group][key][segments]
+            return found[:, joints]
+
+        ends = [states("first", 4), states("last", 4)]
+        speeds = [np.linalg.norm(states(f"{end}_velocity", 3), axis=2) for end in ("first", "last")]
+        limits = [np.minimum(COPY_ANGLE + own / (2.0 * library.rate), _MAX_TURN) for own in speeds]
         angles = rotations.angle(*ends) if len(segments) else np.zeros((0, len(joints)))
         moves = (angles > _MIN_TURN).any(axis=1)
-        # The fastest joints have wide tolerances; segments that begin slowly find copies as well.
         reaches = np.sqrt(2.0 * (limits[0] ** 2).sum(axis=1))
         known = np.sort(reaches[moves])
         reach = float(known[: max(len(known) // 2, _FEWEST_SEGMENTS)][-1]) if len(known) else 0.0
@@ -100,35 +101,21 @@ class _SegmentIndex:
         np.minimum.at(slowest, library.segments.clip[segments[moves]], reaches[moves])
         reach = max(reach, float(slowest[np.isfinite(slowest)].max(initial=0.0)))
         kept = np.flatnonzero(moves & (reaches <= reach))
-        levels = np.ceil(np.log2(reaches[kept] / reaches[kept].min(initial=np.inf)) / _LEVEL)
-        lengths, parts = library.segments.lengths[segments], [*ends, *limits]
-        found = []
-        for level in np.unique(levels):
-            own = kept[levels == level]
-            found.append(
-                cls._of(segments[own], lengths[own], joints, [part[own] for part in parts])
-            )
-        return found
-
-    @classmethod
-    def _of(
-        cls, segments: IntArray, lengths: IntArray, joints: IntArray, parts: list[FloatArray]
-    ) -> "_SegmentIndex":
-        """Return the index of segments; `parts` has the poses at both ends, and their limits."""
-        reach = float(np.sqrt(2.0 * (parts[2] ** 2).sum(axis=1)).max())
-        features = _features(parts[0])
+        if not len(kept):
+            return None
+        features = _features(ends[0][kept])
         mean = features.mean(axis=0)
         axes = np.linalg.eigh((features - mean).T @ (features - mean))[1].T[::-1][:_N_CHECKED]
         points = (features - mean) @ axes.T
         keys = _hash(np.floor(points[:, :_N_AXES] / max(2.0 * reach, 1e-9)))
         order = np.argsort(keys, kind="stable")
-        first, last, *limits = (part[order] for part in parts)
+        sorted_segments = segments[kept[order]]
         return cls(
-            segments=segments[order],
-            lengths=lengths[order],
+            segments=sorted_segments,
+            lengths=library.segments.lengths[sorted_segments],
             joints=joints,
-            ends=(first, last),
-            limits=(limits[0], limits[1]),
+            ends=tuple(own[kept[order]] for own in ends),
+            limits=tuple(own[kept[order]] for own in limits),
             mean=mean,
             axes=axes,
             reach=reach,
@@ -168,17 +155,6 @@ class _SegmentIndex:
             is_same = (cosines >= np.cos(limits / 2.0)).all(axis=1)
             frames, rows = frames[is_same], rows[is_same]
         return rows
-
-
-def _compared_columns(library: Library) -> list[tuple[str, IntArray, IntArray]]:
-    """Return for each group the compared columns of its boundary states, and their joints."""
-    known = {library.root}
-    found = []
-    for group, joints in feature_joints_by_group(library.groups, library.skeleton).items():
-        columns = [i for i, joint in enumerate(joints.tolist()) if joint not in known]
-        known.update(joints.tolist())
-        found.append((group, np.array(columns, np.int64), joints[columns]))
-    return found
 
 
 def _features(quats: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ import numpy as np
 from mograft._standalone.mograft_linkage import cut as cut_tree
 from mograft._util.arrays import FloatArray, IntArray
 from mograft._util.validate import as_integer, check_type
-from mograft.datasets.executors import call_all
+from mograft.datasets.executors import call_each, check_executor
 from mograft.errors import InsufficientDataError
 from mograft.library.library import Library
 
@@ -153,8 +153,7 @@ def curate(
         raise ValueError(f"`keep` must be a share of the frames, above 0 and at most 1, got {keep}")
     if radius is not None and not 0 < float(radius) < np.inf:
         raise ValueError(f"`radius` must be a finite number above 0, got {radius}")
-    if executor is not None and not library.has_recipe:
-        raise ValueError("`executor` needs a library in a folder: save it first, and open it")
+    check_executor(executor, library)
     choose = partial(_choose, library, part, as_integer("shards", shards, 1), executor)
     if keep is None:
         return choose(1.0 if radius is None else float(radius))
@@ -184,7 +183,7 @@ def _choose(
         return cover.choose(radius)
     blocks = np.array_split(np.arange(len(library.entries)), shards)
     items = [(own, radius / 2.0) for own in blocks if len(own)]
-    kept = np.concatenate(call_all(executor, _choose_in_shard, (library, part), items))
+    kept = np.concatenate(list(call_each(executor, _choose_in_shard, (library, part), items)))
     return cover.within(kept).choose(radius / 2.0, cover)
 
 

@@ -1,28 +1,35 @@
 """Calls in the workers of an executor, which open the library once."""
 
 import pickle
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, TypeVar
+
+from mograft._util.workers import map_ahead
+from mograft.library.data import LibraryData
 
 T = TypeVar("T")
 
 
-def call_all(
+def check_executor(executor: Executor | None, library: LibraryData) -> None:
+    """Raise ValueError if there are workers and they cannot open a library."""
+    if executor is not None and not library.has_recipe:
+        raise ValueError("`executor` needs a library in a folder: save it first, and open it")
+
+
+def call_each(
     executor: Executor | None, function: Callable[..., T], context: object, items: Iterable[Any]
-) -> list[T]:
-    """Return ``function(context, item)`` for each item, in order, from the workers if any."""
-    if executor is None:
-        return [function(context, item) for item in items]
-    payload = pickle.dumps(context)
-    calls = [executor.submit(call_with, payload, function, item) for item in items]
-    return [call.result() for call in calls]
+) -> Iterator[T]:
+    """Yield ``function(context, item)`` for each item, in order, from the workers if any."""
+    run = partial(function, context)
+    if executor is not None:
+        run = partial(_call, pickle.dumps(context), function)
+    return map_ahead(executor, run, items)
 
 
-def call_with(payload: bytes, function: Callable[..., T], *arguments: Any) -> T:  # noqa: ANN401
-    """Call a function with the pickled context, and other arguments, in a worker."""
-    return function(_unpickle(payload), *arguments)
+def _call(payload: bytes, function: Callable[..., T], item: object) -> T:
+    return function(_unpickle(payload), item)
 
 
 @lru_cache(maxsize=1)

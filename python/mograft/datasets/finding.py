@@ -10,7 +10,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.validate import as_integer, check_type
 from mograft.blend.time_warp import gaps_in_band, warping_path
 from mograft.body.anatomy import feature_joints
-from mograft.datasets.executors import call_all
+from mograft.datasets.executors import call_each, check_executor
 from mograft.errors import suggest_frames
 from mograft.library.clip_keys import find_words
 from mograft.library.library import Library
@@ -121,8 +121,7 @@ def find(
         ]
     groups = library.groups.names if part is None else (part,)
     joints = np.unique(np.concatenate([library.joints(group) for group in groups]))
-    if executor is not None and not library.has_recipe:
-        raise ValueError("`executor` needs a library in a folder: save it first, and open it")
+    check_executor(executor, library)
     whole, clip = library.resolve_base(query)
     own = whole.segments.of_clip(clip)
     if frames is not None:
@@ -133,9 +132,7 @@ def find(
         own = own[overlaps(whole.segments[own], frames)]
     is_wanted = np.ones(len(library.segments), bool)
     if words is not None:
-        clips = np.zeros(len(library.entries), bool)
-        clips[[index for index, _ in words]] = True
-        is_wanted = clips[library.segments.clip]
+        is_wanted = np.isin(library.segments.clip, [index for index, _ in words])
     if clip < len(library.entries):
         cut = library.segments
         low, high = int(cut.start[own[0]]), int(cut.stop[own[-1]])
@@ -145,10 +142,10 @@ def find(
     bounds = np.linspace(0, len(library.entries), n_blocks + 1)[1:-1]
     firsts = np.searchsorted(library.segments.clip, bounds)
     blocks = np.split(np.arange(len(is_wanted)), firsts)
-    runs = np.concatenate(call_all(executor, _Query.nearest_runs, wanted, blocks))
+    runs = np.concatenate(list(call_each(executor, _Query.nearest_runs, wanted, blocks)))
     runs = runs[np.lexsort(runs.T)][: wanted.count]
     parts = np.array_split(runs, n_blocks)
-    hits = [hit for part in call_all(executor, _Query.compare, wanted, parts) for hit in part]
+    hits = [hit for part in call_each(executor, _Query.compare, wanted, parts) for hit in part]
     return sorted(hits, key=lambda hit: (hit.angle, hit.clip, hit.start))[:top]
 
 

@@ -26,16 +26,13 @@ def coverage(windows: Augmentation, used: Places) -> dict[str, float]:
     It is the share of the segments that may be used whose cluster has one that is used; segments of
     a cluster are at most one cluster diameter threshold apart.
     """
-    library = windows.library
-    cut, width = library.segments, int(library.segments.stop.max()) + 1
-    keys = cut.clip * width + cut.start  # ascending
-    clips = {without_formula(name): index for index, name in enumerate(library.names)}
-    usable = np.flatnonzero(library.is_donor & windows.part.clips[cut.clip])
-    shares = {}
+    library, cut, shares = windows.library, windows.library.segments, {}
+    names = [without_formula(name) for name in library.names]
+    pairs = zip(cut.clip.tolist(), cut.start.tolist(), strict=True)
+    segments = {(names[clip], str(start)): index for index, (clip, start) in enumerate(pairs)}
+    usable = library.is_donor & windows.part.clips[cut.clip]
     for group, places in used.items():
-        known = [clips[clip] * width + int(start) for clip, start in places if clip in clips]
-        own = np.searchsorted(keys, np.array(known, np.int64))
-        labels = library.labels[group]
+        labels, own = library.labels[group], [segments[own] for own in places]
         shares[group] = float(np.isin(labels[usable], labels[own]).mean())
     return shares
 

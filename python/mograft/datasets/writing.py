@@ -5,11 +5,12 @@ import hashlib
 import io
 import itertools
 import json
-import pickle
-from collections import Counter, deque
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
+import shutil
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
+from functools import partial
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -20,8 +21,8 @@ from mograft._util.atomic import exclusive_lock, write_bytes, write_text
 from mograft._util.documents import read_document
 from mograft._util.extras import import_extra
 from mograft._util.validate import as_integer, check_choice, check_type
-from mograft.datasets.augmentation import PROVENANCE, Augmentation, JobResult, Window
-from mograft.datasets.executors import call_with
+from mograft.datasets.augmentation import PROVENANCE, Augmentation, Window
+from mograft.datasets.executors import call_each, check_executor
 from mograft.datasets.features import FEATURES
 from mograft.datasets.measuring import TABLE, Places, coverage
 from mograft.datasets.shards import FORMATS, SHARD_SIZE, Files, write_files
@@ -32,7 +33,6 @@ from mograft.library.origin import hash_library
 SCHEMA = "mograft.dataset/1"
 MANIFEST = "manifest.json"
 
-_MAX_PENDING_JOBS = 16
 _HASHED = ("library", "bases")  # entries of requests
 _PARTS = ".provenance"
 """Folder of the provenance of each shard, until the table is complete."""
@@ -114,16 +114,14 @@ def write(
     if format == "lerobot" and "humanml3d" in windows.features:
         raise ValueError("`format` lerobot needs a row for each frame, humanml3d has another rate")
     target, request = Path(fspath(folder)), _request(windows, as_integer("count", count, 1), format)
-    if executor is not None and not windows.library.has_recipe:
-        raise ValueError("`executor` needs a library in a folder: save it first, and open it")
+    check_executor(executor, windows.library)
     if not resume and target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise FileExistsError(f"{target} exists: resume the run, or choose another folder")
     target.mkdir(parents=True, exist_ok=True)
     with exclusive_lock(target / ".lock"):
-        state, is_complete = _find_state(target, request)
-        if not is_complete:
-            _write_shards(windows, target, request, state, executor, progress)
-        return _finish(windows, target, request, state, is_joined=is_complete)
+        state = _find_state(target, request)
+        _write_shards(windows, target, request, state, executor, progress)
+        return _finish(windows, target, request, state)
 
 
 def _request(windows: Augmentation, count: int, format_: str) -> dict[str, Any]:
@@ -159,14 +157,14 @@ def _describe_change(name: str, before: Any, value: Any, rate: float) -> str:  #
     return f"`{name}` {before}, not {value}"
 
 
-def _find_state(folder: Path, request: dict[str, Any]) -> tuple[_State, bool]:
-    """Return the state of the whole shards in a folder, and whether the data set is complete."""
+def _find_state(folder: Path, request: dict[str, Any]) -> _State:
+    """Return the state of the whole shards in a folder."""
     path = folder / MANIFEST
     if not path.exists():
         if not all(own.name.startswith((".lock", ".mograft-")) for own in folder.iterdir()):
             raise FileExistsError(f"{folder} holds other files than a data set of mograft")
-        _write_manifest(folder, request, _State(), {})  # from now on the folder is ours
-        return _State(), False
+        _write_manifest(folder, request, _State())  # from now on the folder is ours
+        return _State()
     document = read_document(path)
     if document.get("schema") != SCHEMA:
         raise ValueError(f"{path}: expected a manifest of {SCHEMA}, got {document.get('schema')}")
@@ -184,7 +182,7 @@ def _find_state(folder: Path, request: dict[str, Any]) -> tuple[_State, bool]:
         if damaged:
             raise MograftError(f"{folder / damaged[0]['file']} has changed since it was written")
         state.shards.append(shard)
-    return state, "report" in document
+    return state
 
 
 def _is_whole(folder: Path, entry: dict[str, Any]) -> bool:
@@ -205,7 +203,10 @@ def _write_shards(
     written = state.n_windows
     if written == count or state.is_exhausted:
         return
-    for job, result in _run_jobs(windows, request["format"], state.job, executor):
+    run = partial(Augmentation.run_job, encode=FORMATS[request["format"]].encode)
+    jobs = itertools.count(state.job)
+    results = call_each(executor, run, windows, itertools.count(state.job))
+    for job, result in zip(jobs, results, strict=True):
         state.job, n_known = job, state.offset
         for offset, window in enumerate(result.windows[n_known:], n_known + 1):
             pending.append(window)
@@ -247,7 +248,7 @@ def _write_shard(
     part = (f"{_PARTS}/{number:05d}.csv", text.getvalue().encode("utf-8", "replace"))
     write_files(folder, [*files, part])
     state.shards.append({"first": first, "windows": len(windows), "files": _entries(files)})
-    _write_manifest(folder, request, state, {})
+    _write_manifest(folder, request, state)
 
 
 def _entries(files: Files) -> list[dict[str, Any]]:
@@ -258,7 +259,7 @@ def _entries(files: Files) -> list[dict[str, Any]]:
 
 
 def _write_manifest(
-    folder: Path, request: dict[str, Any], state: _State, more: dict[str, Any]
+    folder: Path, request: dict[str, Any], state: _State, **more: object
 ) -> dict[str, Any]:
     document = {"schema": SCHEMA, "request": request, "state": state.as_dict(), **more}
     document |= {"features": state.features, "shards": state.shards}
@@ -267,28 +268,24 @@ def _write_manifest(
 
 
 def _finish(
-    windows: Augmentation, folder: Path, request: dict[str, Any], state: _State, *, is_joined: bool
+    windows: Augmentation, folder: Path, request: dict[str, Any], state: _State
 ) -> dict[str, Any]:
     """Join the provenance of the shards, complete the manifest by a report, and remove the parts.
 
-    If `is_joined`, an earlier run did so, but may have ended before the last part was removed.
+    If the table exists, an earlier run joined it, but may have ended before all parts were removed.
     """
     parts = folder / _PARTS
-    if not is_joined:
+    if not (folder / TABLE).exists():
         names = [parts / f"{number:05d}.csv" for number in range(len(state.shards))]
         body = b"".join(path.read_bytes() for path in names)
         write_bytes(folder / TABLE, ",".join(PROVENANCE).encode() + b"\n" + body)
-    report = _report(windows, folder, state)
-    more: dict[str, Any] = {"report": report}
+    more: dict[str, Any] = {"report": _report(windows, folder, state)}
     if (meta := FORMATS[request["format"]].meta) is not None:
         document = {"request": request, "features": state.features, "shards": state.shards}
         write_files(folder, files := meta(folder, document))
         more["files"] = _entries(files)
-    document = _write_manifest(folder, request, state, more)
-    for path in sorted(parts.glob("*.csv")) if parts.is_dir() else ():
-        path.unlink()
-    if parts.is_dir():
-        parts.rmdir()
+    document = _write_manifest(folder, request, state, **more)
+    shutil.rmtree(parts, ignore_errors=True)
     return document
 
 
@@ -328,23 +325,3 @@ def _report(windows: Augmentation, folder: Path, state: _State) -> dict[str, Any
         "clips_left_out": list(part.shared),
         "clips_of_other_parts": part.n_others,
     }
-
-
-def _run_jobs(
-    windows: Augmentation, format_: str, first: int, executor: Executor | None
-) -> Iterator[tuple[int, JobResult]]:
-    """Yield the results of the jobs from `first` on, in order, without end."""
-    encode, run = FORMATS[format_].encode, Augmentation.run_job
-    if executor is None:
-        yield from ((job, windows.run_job(job, encode)) for job in itertools.count(first))
-        return
-    payload, pending = pickle.dumps(windows), deque[Future[JobResult]]()
-    try:
-        for job in itertools.count(first):
-            while len(pending) < _MAX_PENDING_JOBS:
-                later = job + len(pending)
-                pending.append(executor.submit(call_with, payload, run, later, encode))
-            yield job, pending.popleft().result()
-    finally:
-        for future in pending:
-            future.cancel()

@@ -4,17 +4,18 @@ The result for a clip depends on the clip, the library specification and the con
 Clips can therefore be ingested in any order, in any process, on any machine.
 """
 
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from itertools import islice
+from functools import partial
+from itertools import chain, islice
 from typing import TypeAlias
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, Packed
 from mograft._util.memory import reuse_freed_arrays
+from mograft._util.workers import map_ahead
 from mograft.analysis.embedding import Samples, normalise
 from mograft.analysis.segmentation import segment_clip
 from mograft.body.faults import find_faults
@@ -39,10 +40,6 @@ INGEST_ERRORS = (MograftError, OSError, ValueError)
 
 BATCH_CLIPS = 8
 """Clips per call of a worker, so that the cost of the call is small compared with the ingest."""
-
-_MAX_PENDING_BATCHES = 16
-"""Batches that are submitted and not yet consumed; bounds memory."""
-
 
 ClipOrder: TypeAlias = tuple[int, tuple[str, ...]]
 """Sort key of clips in a library: a rank and a path.
@@ -216,23 +213,10 @@ def ingest_all(
     Without an executor, the calling thread ingests the clips. `is_packed` is as for `ingest`.
     """
     loaded = (replace(own, source=own.motion()) if callable(own.source) else own for own in clips)
-    if executor is None:
-        for clip in loaded:
-            yield ingest(clip, spec, config, is_packed=is_packed)
-        return
-    remaining = iter(loaded)
-    batches = iter(lambda: list(islice(remaining, BATCH_CLIPS)), [])
-    pending: deque[Future[list[IngestedClip | RefusedClip]]] = deque()
-    try:
-        for batch in batches:
-            pending.append(executor.submit(_ingest_batch, batch, spec, config, is_packed=is_packed))
-            if len(pending) >= _MAX_PENDING_BATCHES:
-                yield from pending.popleft().result()
-        while pending:
-            yield from pending.popleft().result()
-    finally:
-        for future in pending:
-            future.cancel()
+    size = 1 if executor is None else BATCH_CLIPS
+    batches = iter(lambda: list(islice(loaded, size)), [])
+    run = partial(_ingest_batch, spec=spec, config=config, is_packed=is_packed)
+    return chain.from_iterable(map_ahead(executor, run, batches))
 
 
 def _ingest_batch(

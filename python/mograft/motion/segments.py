@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, IntArray, as_indices, make_read_only, set_fields
+from mograft._util.arrays import BoolArray, IntArray, as_indices, set_fields
 from mograft._util.validate import check_type, is_integer
 
 
@@ -48,9 +48,7 @@ class Segments:
         if is_empty.any():
             k = int(np.argmax(is_empty))
             raise ValueError(f"segment {k} must stop after its start, got {start[k]} to {stop[k]}")
-        for name, array in (("start", start), ("stop", stop), ("clip", clip)):
-            make_read_only(array)
-            object.__setattr__(self, name, array)
+        set_fields(self, {"start": start, "stop": stop, "clip": clip})
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         set_fields(self, state)

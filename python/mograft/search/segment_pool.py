@@ -29,8 +29,7 @@ from mograft.search.costs import PRESELECTION, CostModel, SeamScales, length_fit
 from mograft.search.neighbourhoods import FEWEST_DONORS, NEIGHBOURHOODS
 
 _SEGMENTS_PER_BATCH = 1 << 12  # base segments whose support margins are in memory
-_MAX_KNOWN_PAIRS = 1 << 22  # base segments and donors whose effect is kept
-_MAX_KNOWN_LISTS = 4  # bases whose candidates are kept
+_MAX_KNOWN_LISTS, _MAX_KNOWN_PAIRS = 4, 1 << 20  # bases whose candidates are kept; of each
 POSITIONS_PER_BATCH = 1024  # base segments whose candidates are evaluated together
 _NEIGHBOURS_PER_BATCH = 1 << 19  # base segments and neighbours that are compared together
 _N_TYPICAL_SEAMS = 512  # seams from which the typical gaps are measured
@@ -49,11 +48,6 @@ class SegmentBalance:
 
     mass_offsets: Callable[[IntArray], FloatArray]  # of the grafted group
     support_margins: Callable[[IntArray], FloatArray]  # of the whole body
-    # The last results of `added_imbalances`, by the hash of the arguments: all grafts on one base
-    # evaluate the same candidates.
-    _known: SizedCache[bytes, FloatArray] = field(
-        init=False, default_factory=lambda: SizedCache(8 * _MAX_KNOWN_PAIRS)
-    )
 
     def added_imbalances(self, base: IntArray, donors: IntArray, seconds: FloatArray) -> FloatArray:
         """Return by how much donors raise the imbalance of base segments, shape (n,).
@@ -61,10 +55,6 @@ class SegmentBalance:
         See `mograft.analysis.zero_moment.added_imbalances`. `base` and `donors` have shape (n,).
         `seconds` has the durations of all segments.
         """
-        key = hashlib.sha256(np.stack([base, donors]).data).digest()
-        known = self._known.get(key)
-        if known is not None:
-            return known
         added = np.zeros(len(base))
         others = np.flatnonzero(donors != base)
         starts = np.flatnonzero(np.diff(base[others], prepend=-1))
@@ -73,8 +63,7 @@ class SegmentBalance:
             batch = others[bounds[0] : bounds[-1]]
             counts = np.diff(bounds)
             added[batch] = self._compute(base[others[bounds[:-1]]], donors[batch], counts, seconds)
-        make_read_only(added)
-        return self._known.put(key, added, added.nbytes)
+        return added
 
     def _compute(
         self, bases: IntArray, donors: IntArray, counts: IntArray, seconds: FloatArray
@@ -169,7 +158,7 @@ class SegmentPool:
             lists += fitting
         for own in lists:
             make_read_only(own)
-        if sum(map(len, lists)) <= _MAX_KNOWN_PAIRS // _MAX_KNOWN_LISTS:
+        if sum(map(len, lists)) <= _MAX_KNOWN_PAIRS:
             self._known_lists.put(key, tuple(lists), 1)
         return lists
 

@@ -56,7 +56,6 @@ _STEP_SECONDS = 1.0 / 30.0
 Between the frames of recordings at higher rates, jerk is too small to be visible.
 """
 
-_POSITIONS_PER_BLOCK = 1024  # whose limits of jerk are in memory together
 _LEAST = 1e-6  # smallest reference: rad/step², rad/step³, heights/step³
 
 
@@ -164,33 +163,25 @@ class DefectMeasure:
     ) -> FloatArray:
         """Return the greatest ratio of world jerk to its limit at each position."""
         begin, stop, step = int(cut.start[0]), int(cut.stop[-1]) + 1, self._step
-        bounds, amounts = np.append(cut.start, stop), np.zeros(len(cut))
-        # In blocks, because the jerk and the limits of all frames take much memory.
-        for start in range(0, len(cut), _POSITIONS_PER_BLOCK):
-            own = bounds[start : start + _POSITIONS_PER_BLOCK + 1]
-            first, end = int(own[0]), int(own[-1])
-            low = max(first + shift - step, 0)
-            read = slice(low, end + shift + 2 * step)
-            jerk = world_jerk(motion, self._driven_joints, step, read)
-            jerk = jerk[first + shift - low : end + shift - low]
-            # A third difference reaches from one step before to two behind.
-            jerk[: max(begin + step - first, 0)] = 0.0
-            jerk[max(max(stop - 2 * step, begin + step) - first, 0) :] = 0.0
-            captured = self._clip_jerk(self.problem.base)[first:end]
-            limits, starts = np.maximum(self._least_jerk_limits, captured), own[:-1] - first
-            block = slice(start, start + len(starts))
-            amounts[block] = _greatest_ratios(jerk, limits, starts) * is_near[block]
-            # Most positions are within the limits by the base alone.
-            above = (start + np.flatnonzero(amounts[block] > 1.0)).tolist()
-            for position in above:
-                frames = slice(int(cut.start[position]) - first, int(cut.stop[position]) - first)
-                joints = np.flatnonzero((jerk[frames] > limits[frames]).any(axis=0))
-                near = donors[max(position - 1, 0) : position + 2]
-                known = self._donor_jerk_limits(near, joints)
-                limits[frames, joints] = np.maximum(limits[frames, joints], known)
-            if above:
-                amounts[block] = _greatest_ratios(jerk, limits, starts) * is_near[block]
-        return amounts
+        low = max(begin + shift - step, 0)
+        read = slice(low, stop + shift + 2 * step)
+        jerk = world_jerk(motion, self._driven_joints, step, read)
+        jerk = jerk[begin + shift - low : stop + shift - low]
+        # A third difference reaches from one step before to two behind.
+        jerk[:step] = 0.0
+        jerk[max(len(jerk) - 2 * step, step) :] = 0.0
+        captured = self._clip_jerk(self.problem.base)[begin:stop]
+        limits, starts = np.maximum(self._least_jerk_limits, captured), cut.start - begin
+        amounts = _greatest_ratios(jerk, limits, starts) * is_near
+        # Most positions are within the limits by the base alone.
+        above = np.flatnonzero(amounts > 1.0).tolist()
+        for position in above:
+            frames = slice(int(cut.start[position]) - begin, int(cut.stop[position]) - begin)
+            joints = np.flatnonzero((jerk[frames] > limits[frames]).any(axis=0))
+            near = donors[max(position - 1, 0) : position + 2]
+            known = self._donor_jerk_limits(near, joints)
+            limits[frames, joints] = np.maximum(limits[frames, joints], known)
+        return _greatest_ratios(jerk, limits, starts) * is_near if above else amounts
 
     def _donor_jerk_limits(self, donors: IntArray, joints: IntArray) -> FloatArray:
         """Return the limits of world jerk that follow from the clips of some donors.

@@ -5,7 +5,7 @@ found are assembled and measured. The sequence with the smallest defects is used
 that is the first one. No repair may violate a hard limit that the first sequence satisfies.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,7 +19,6 @@ from mograft.search.trellis import DonorTrellis
 from mograft.solve.assembly import Assembly, Excerpt, assemble_excerpts
 from mograft.solve.defects import MEASURES, DefectMeasure
 from mograft.solve.donor_repair import replace_unlisted, search_again
-from mograft.solve.search_problem import SearchProblem
 
 _Window = tuple[int, int]  # half-open range of positions
 _FindViolations = Callable[[Assembly], Sequence[Violation]]
@@ -28,7 +27,6 @@ _RADIUS = 2  # positions beside a defect that repair can change
 _MARGIN = 3  # positions beside a window that are assembled with it
 _MAX_ROUNDS = 4  # searches with penalised donors
 _MAX_ASSEMBLIES = 3  # of the whole motion
-_FRAMES_PER_ASSEMBLY = 1 << 15  # of windows that are assembled together
 _LIMIT_FACTOR = 1e6  # of infeasible costs: penalties at defects must not outweigh them
 _ROUNDING = 1e-12  # radians
 
@@ -265,25 +263,11 @@ def _measure(defects: _Defects, donors: IntArray, windows: Sequence[_Window]) ->
     excerpts = [
         Excerpt(chosen, max(start - _MARGIN, 0), min(stop + _MARGIN, n)) for start, stop in windows
     ]
-    found: list[FloatArray] = []
-    for batch in _batches(problem, excerpts):
-        # With the excerpts beside the batch: the treatment of a seam reaches into the next one.
-        near = slice(max(batch.start - 1, 0), batch.stop + 1)
-        motion = assemble_excerpts(problem, excerpts[near])
-        measured = defects.measure.amounts(motion, excerpts[near])
-        for index in batch:
-            (start, stop), first = windows[index], excerpts[index].first
-            found.append(_around(measured[index - near.start], (start - first, stop - first)))
-    return found
-
-
-def _batches(problem: SearchProblem, excerpts: Sequence[Excerpt]) -> Iterator[range]:
-    """Yield ranges of excerpts that are assembled together, to bound the memory."""
-    cut = problem.base_segments
-    lengths = [int(cut.stop[excerpt.stop - 1] - cut.start[excerpt.first]) for excerpt in excerpts]
-    numbers = np.cumsum([0, *lengths[:-1]]) // _FRAMES_PER_ASSEMBLY
-    bounds = [0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist(), len(excerpts)]
-    return map(range, bounds[:-1], bounds[1:])
+    measured = defects.measure.amounts(assemble_excerpts(problem, excerpts), excerpts)
+    return [
+        _around(own, (start - excerpt.first, stop - excerpt.first))
+        for own, excerpt, (start, stop) in zip(measured, excerpts, windows, strict=True)
+    ]
 
 
 def _keep_better(before: _Defects, donors: IntArray) -> _Defects:

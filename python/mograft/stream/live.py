@@ -7,8 +7,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import count
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -57,12 +56,8 @@ class Sender:
         except OSError:
             self.n_lost += 1
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: object, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Close the socket."""
         self._socket.close()
 
 
@@ -222,25 +217,6 @@ def _between(first: Frame, second: Frame, share: float) -> Frame:
     return quats, first[1] + share * (second[1] - first[1])
 
 
-@dataclass(frozen=True)
-class Status:
-    """What a relay has done, for one line a second."""
-
-    n_base: int
-    n_sent: int
-    seconds_behind: float
-    newness: float  # share of the frames of ten seconds in which a joint is new
-    dropped: Mapping[str, int]
-
-    def __str__(self) -> str:
-        reasons = ", ".join(f"{n} {reason}" for reason, n in self.dropped.items() if n)
-        return (
-            f"base {self.n_base} frames, new {self.n_sent}, {self.seconds_behind:.1f} s behind, "
-            f"{self.newness:.0%} new, dropped {sum(self.dropped.values())}"
-            + (f" ({reasons})" if reasons else "")
-        )
-
-
 class Relay:
     """Grafts of the base that a VMC sender sends, sent to a VMC receiver while it arrives."""
 
@@ -275,21 +251,33 @@ class Relay:
         self._due = self._heard = -np.inf
 
     @property
-    def status(self) -> Status:
-        """The present state."""
-        behind = (len(self._base) + len(self._queue)) * self._step
-        share = float(np.mean(self._is_new)) if self._is_new else 0.0
-        lost = {"not sent": self._sender.n_lost}
-        return Status(self.n_base, self.n_sent, behind, share, {**self._receiver.dropped, **lost})
+    def dropped(self) -> Mapping[str, int]:
+        """The numbers of packets or messages that were dropped, by reason."""
+        return {**self._receiver.dropped, "not sent": self._sender.n_lost}
 
-    def run(self, status: Callable[[Status], object] | None = None) -> None:
-        """Relay until an exception ends it; call `status` once a second."""
+    @property
+    def newness(self) -> float:
+        """The share of the frames of ten seconds in which a joint is new."""
+        return float(np.mean(self._is_new)) if self._is_new else 0.0
+
+    def status(self) -> str:
+        """Return what the relay has done, in one line."""
+        behind = (len(self._base) + len(self._queue)) * self._step
+        reasons = ", ".join(f"{n} {reason}" for reason, n in self.dropped.items() if n)
+        return (
+            f"base {self.n_base} frames, new {self.n_sent}, {behind:.1f} s behind, "
+            f"{self.newness:.0%} new, dropped {sum(self.dropped.values())}"
+            + (f" ({reasons})" if reasons else "")
+        )
+
+    def run(self, show: Callable[[str], object] | None = None) -> None:
+        """Relay until an exception ends it; call `show` with the status once a second."""
         next_status = time.monotonic() + 1.0
         while True:
             self.advance()
-            if status is not None and time.monotonic() >= next_status:
+            if show is not None and time.monotonic() >= next_status:
                 next_status += 1.0
-                status(self.status)
+                show(self.status())
 
     def advance(self, seconds: float = 0.05) -> None:
         """Receive frames for at most some seconds, and send those that are due."""

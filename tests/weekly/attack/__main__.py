@@ -1,8 +1,8 @@
 """Attack mograft in many ways, and print the results: ``python -m tests.weekly.attack``.
 
-All experiments together take about half an hour. ``--only`` selects some, ``--commands`` some of
-the commands that write, and ``--scale`` repeats them less often. ``--write`` writes the table to
-docs/reliability.md. The exit code is 1 if an experiment failed.
+All experiments together take hours, with ``--scale 0.02`` minutes: ``--scale`` repeats them less
+often. ``--only`` selects some, and ``--commands`` some of the commands that write. ``--write``
+writes the table to docs/reliability.md. The exit code is 1 if an experiment failed.
 """
 
 import argparse
@@ -13,7 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tests.weekly.attack import crash, experiments, faults
+from tests.weekly.attack import crash, experiments, faults, hostile
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "reliability.md"
 MARKS = ("<!-- attack: begin -->", "<!-- attack: end -->")
@@ -22,18 +22,26 @@ COMMANDS = {
     "failed_calls": "each call that changes files fails, or the process ends there",
     "lost_writes": "power failure at each call: what was not synced is lost",
     "full_disks": "full disk before, in and after each write",
-    "random_kills": "kill at a random moment",
+    "random_signals": "Ctrl-C, SIGTERM or SIGKILL at a random moment",
 }
 """Experiments with the commands that write, and their descriptions."""
 
 OTHERS = {
     "opens_during_rewrites": (320, "opening while another process writes"),
     "cut_texts": (20_100, "BVH texts cut anywhere"),
+    "damaged_files": (100_000, "random changes of BVH, GLB, NPZ, USDA and USDC files"),
+    "hostile_texts": (5_040, "deep, long or changed TOML and JSON"),
+    "damaged_libraries": (2_000, "changed libraries, half of them sealed again"),
     "repeated_calls": (5_300, "repeated calls: memory does not grow"),
     "grafts_in_workers": (360, "grafts in threads, forked and new processes"),
     "public_functions_in_threads": (1_000, "public functions from 8 threads on one library"),
 }
 """Other experiments, their numbers of trials, and their descriptions."""
+
+
+def find_experiment(name):
+    """Return the function of one of the `OTHERS`."""
+    return getattr(hostile if hasattr(hostile, name) else experiments, name)
 
 
 def run(name, scale, commands=None):
@@ -45,7 +53,7 @@ def run(name, scale, commands=None):
         count, title = OTHERS[name]
         with tempfile.TemporaryDirectory() as folder:
             count = max(4, math.ceil(scale * count))
-            trials = list(getattr(experiments, name)(Path(folder), count))
+            trials = list(find_experiment(name)(Path(folder), count))
     failures = [message for message in trials if message]
     for message in failures[:20]:
         print(f"{name}: {message}", file=sys.stderr)

@@ -150,8 +150,12 @@ OPEN(openat64, FOLDER, folder)
 
 int close(int fd) {
     REAL(int, "close", int);
+    int fails = fd_name(fd) && fault(0), number = errno;
     if (fd >= 0 && fd < MAX_FDS && names[fd]) { free(names[fd]); names[fd] = NULL; }
-    return real(fd);
+    int code = real(fd);
+    if (!fails) return code;
+    errno = number;
+    return -1;
 }
 
 ssize_t write(int fd, const void *data, size_t n) {

@@ -7,17 +7,17 @@ import pytest
 
 import mograft as mg
 from tests.weekly.attack import experiments, faults
-from tests.weekly.attack.__main__ import COMMANDS, MARKS, OTHERS, PAGE
+from tests.weekly.attack.__main__ import COMMANDS, MARKS, OTHERS, PAGE, find_experiment
 from tests.weekly.attack.concurrency import CALLS, EXEMPT, compare_threads
 
-_QUICK = ("cut_texts", "repeated_calls")
+_QUICK = ("cut_texts", "repeated_calls", "hostile_texts")
 
 
 @pytest.mark.parametrize(
     "name", [n if n in _QUICK else pytest.param(n, marks=pytest.mark.thorough) for n in OTHERS]
 )
 def test_few_trials_have_no_failure(name, tmp_path):
-    trials = list(getattr(experiments, name)(tmp_path, 25))
+    trials = list(find_experiment(name)(tmp_path.resolve(), 25))
     assert len(trials) >= 20
     assert not any(trials)
 
@@ -25,8 +25,8 @@ def test_few_trials_have_no_failure(name, tmp_path):
 @pytest.mark.parametrize(
     ("name", "scale", "commands"),
     [
-        *(("failed_calls", 0.5, "groups"), ("lost_writes", 0.3, "groups")),
-        ("full_disks", 0.02, "groups"),
+        *(("failed_calls", 0.05, own) for own in ("index", "index --add", "augment npz")),
+        *(("lost_writes", 0.05, "index --add"), ("full_disks", 0.05, "index --add")),
         *(pytest.param(name, 0.1, None, marks=pytest.mark.thorough) for name in COMMANDS),
     ],
 )

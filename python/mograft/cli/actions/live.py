@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from functools import partial
 
 from mograft._util.signals import clean_up_by
 from mograft.cli.configuration import selected_skeleton
@@ -15,7 +16,7 @@ from mograft.cli.syntax.commands import PlayOptions, StreamOptions
 from mograft.errors import join_names
 from mograft.io.formats import find_addresses, read_clip
 from mograft.library.library import Library
-from mograft.stream.live import Receiver, Relay, Sender, Status, play
+from mograft.stream.live import Receiver, Relay, Sender, play
 from mograft.stream.server import is_loopback
 from mograft.stream.vmc import Figure
 
@@ -32,7 +33,7 @@ def run_play(options: PlayOptions) -> int:
         print_remark(f"{motion.name}: {motion.rate * options.speed:.6g} frames/s to {target}")
         if figure.absent:
             print_remark(f"left out, because the file lacks them: {join_names(figure.absent)}")
-    with Sender(options.vmc) as sender, _keys() as wait:
+    with closing(Sender(options.vmc)) as sender, _keys() as wait:
         n = play(motion, sender, wait, speed=options.speed, loop=options.loop)
     document = {"file": addresses[0], "address": target, "frames": n, "bones": figure.bones}
     lines = [f"{n} frames sent, {sender.n_lost} refused by the system"]
@@ -46,7 +47,7 @@ def relay(
     """Graft the base of a VMC sender until the command is interrupted."""
     if not is_loopback(source[0]):
         print_remark(f"warning: {source[0]} accepts motions from other computers")
-    with closing(Receiver(source)) as receiver, Sender(target) as sender:
+    with closing(Receiver(source)) as receiver, closing(Sender(target)) as sender:
         live = Relay(
             library, receiver, sender, print_remark, timeout=options.timeout, delay=options.delay
         )
@@ -56,12 +57,8 @@ def relay(
         print_result(options, "stream-server/1", {**document, "rate": library.rate}, lines)
         print_remark(f"delay {options.delay:g} s: with a smaller one fewer parts are compared")
         sys.stdout.flush()
-        live.run(_print_status if options.status else None)
+        live.run(partial(print_remark, is_result=True) if options.status else None)
     return 0
-
-
-def _print_status(status: Status) -> None:
-    print_remark(str(status), is_result=True)
 
 
 def _text(address: tuple[str, int]) -> str:

@@ -59,6 +59,12 @@ def is_locked(graft: Graft, group: str, locks: Sequence[Lock]) -> BoolArray:
     return selected
 
 
+def ranges_of(graft: Graft, group: str, is_selected: BoolArray) -> list[Span]:
+    """Return the ranges of frames of the segments that are selected, one for each run of them."""
+    cut, runs = base_segments(graft, group), find_runs(is_selected).tolist()
+    return [(int(cut.start[start]), int(cut.stop[stop - 1])) for start, stop in runs]
+
+
 def _target(desk: Desk, fields: Fields) -> tuple[ProjectMotion, Graft]:
     own = desk.project.motion(fields.values.get("id"))
     return own, desk.workshop.editable(own.record)
@@ -77,10 +83,9 @@ def _open_ranges(own: ProjectMotion, graft: Graft, fields: Fields) -> Ranges:
     group, frames, found = fields.optional_text("group"), fields.frames(), Ranges()
     for name in graft.alternatives if group is None else [group]:
         check_range(graft, name, frames)
-        cut = base_segments(graft, name)
-        is_open = overlaps(cut, frames) & ~is_locked(graft, name, own.locks)
-        for start, stop in find_runs(is_open).tolist():
-            found.append((name, (int(cut.start[start]), int(cut.stop[stop - 1]))))
+        is_in_range = overlaps(base_segments(graft, name), frames)
+        is_open = is_in_range & ~is_locked(graft, name, own.locks)
+        found += [(name, each) for each in ranges_of(graft, name, is_open)]
     if not found:
         raise ValueError(f"{where(group, *frames)} is locked: unlock first")
     return found
@@ -96,18 +101,18 @@ def take(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Take a part of a clip; between any frames, if it or the range is no segment."""
     own, graft = _target(desk, fields)
     group, frames = fields.text("group"), fields.frames()
-    clip, donor = fields.text("clip"), [fields.integer(name, -1) for name in ("from", "to")]
+    clip, donor = fields.text("clip"), (fields.integer("from", -1), fields.integer("to", -1))
     _refuse_locked(own, graft, group, frames)
     library = graft.library
     if clip not in library.names:
         raise ValueError(f"`clip` must be a clip, got {clip!r}{suggest_name(clip, library.names)}")
     cut = library.segments[library.segments.of_clip(library.names.index(clip))]
-    is_segment = ((cut.start == donor[0]) & (cut.stop == donor[1])).any()
-    if group in graft.alternatives and is_segment:
-        base = base_segments(graft, group)
-        is_segment = ((base.start == frames[0]) & (base.stop == frames[1])).any()
-    reference = (clip, donor[0], donor[1])
-    if group in graft.alternatives and is_segment:
+    are_segments = group in graft.alternatives and all(
+        ((own.start == first) & (own.stop == last)).any()
+        for own, (first, last) in ((cut, donor), (base_segments(graft, group), frames))
+    )
+    reference = (clip, *donor)
+    if are_segments:
         new = edit(graft, Use(frames=frames, donor=reference, group=group))
     else:
         new = change(graft, group, frames, reference)
@@ -135,14 +140,11 @@ def restore(desk: Desk, fields: Fields) -> tuple[Project, str]:
 
 
 def change_range(desk: Desk, fields: Fields) -> tuple[Project, str]:
-    """Change a range between any frames."""
+    """Take the next best part in a range between any frames."""
     own, graft = _target(desk, fields)
-    group, frames, clip = fields.text("group"), fields.frames(), fields.optional_text("clip")
+    group, frames = fields.text("group"), fields.frames()
     _refuse_locked(own, graft, group, frames)
-    donor: str | tuple[str, int, int] | None = clip
-    if clip is not None and fields.has("from"):
-        donor = (clip, fields.integer("from", 0), fields.integer("to", 0))
-    new = change(graft, group, frames, donor, rank=fields.integer("rank", 0, 0, 1000))
+    new = change(graft, group, frames)
     return _revised(desk, own, new), f"change {new.changes[-1]}"
 
 
@@ -153,8 +155,8 @@ def regenerate_range(desk: Desk, fields: Fields) -> tuple[Project, str]:
     variety = fields.number("variety")
     if variety is not None:
         graft = _with_library(graft, desk.workshop.with_variety(graft.library, variety))
-    seed = fields.integer("seed", graft.seed + len(graft.history) + 1)
-    return _revised(desk, own, regenerate(graft, ranges, seed)), f"choose again {_text(fields)}"
+    new = regenerate(graft, ranges, graft.seed + len(graft.history) + 1)
+    return _revised(desk, own, new), f"choose again {_text(fields)}"
 
 
 def _with_library(graft: Graft, library: Library) -> Graft:

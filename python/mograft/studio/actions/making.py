@@ -11,7 +11,6 @@ from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.provenance.graft_revision import regenerate
 from mograft.scenario import Scenario, follow, to_beats, transitions, walk
-from mograft.search.constraint_records import decode_constraint
 from mograft.studio.actions.fields import Fields
 from mograft.studio.desk import Desk
 from mograft.studio.project import Lock, Project, ProjectMotion
@@ -42,8 +41,7 @@ def make(desk: Desk, fields: Fields) -> tuple[Project, str]:
 def compose(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Make motions on a base that is composed of segments, along a path or to beats."""
     library, points = _library(desk, fields), fields.points("points")
-    count = fields.integer("count", 1, 1, _MAX_COUNT)
-    seed = fields.integer("seed", desk.project.n_made)
+    count, seed = fields.integer("count", 1, 1, _MAX_COUNT), desk.project.n_made
     duration, tempo = fields.number("duration"), fields.number("tempo")
     if len(points) > 1 and tempo is not None:
         raise ValueError("give either a path (`points`) or a tempo")
@@ -79,18 +77,18 @@ def _on_floor(motion: Motion, points: Sequence[Sequence[float]]) -> np.ndarray:
 def more_like(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Make motions that share most donors with a motion; those of locked segments are kept."""
     own = desk.project.motion(fields.values.get("id"))
-    count, seed = fields.integer("count", 3, 1, _MAX_COUNT), fields.integer("seed", 0)
+    count = fields.integer("count", 3, 1, _MAX_COUNT)
     graft, project = desk.workshop.editable(own.record), desk.project
     locked = [(lock.group, lock.frames) for lock in own.locks]
 
     def variants() -> Iterable[Graft]:
         for number in range(count):
-            key = [seed, project.n_made + number]
-            rng = np.random.default_rng(key)
+            seed = project.n_made + number
+            rng = np.random.default_rng([0, seed])
             chosen = rng.random(len(graft.substitutions)) < _CHANGED_SHARE
             pairs = zip(graft.substitutions, chosen.tolist(), strict=True)
             ranges = [(each.group, (each.start, each.stop)) for each, is_open in pairs if is_open]
-            yield regenerate(graft, ranges, project.n_made + number + seed, locked=locked)
+            yield regenerate(graft, ranges, seed, locked=locked)
 
     name, text = desk.name_of(own), f"make {count} like {desk.name_of(own)}"
     return _add(desk, variants(), text, count, stem=name, locks=own.locks), text
@@ -116,15 +114,11 @@ def _make(
     scenario: Scenario | None,
     count: int,
 ) -> Iterable[Graft]:
-    constraints = [
-        decode_constraint(own, desk.decode_motion) for own in fields.items("constraints", dict)
-    ]
     is_fixed = fields.has("variety") or "sigma_scale" in desk.project.config
     grafts = graft_many(
         library,
         base,
         count,
-        constraints=constraints,
         swap=fields.items("swap", str) or None,
         seed=fields.integer("seed", desk.project.n_made),
         scenario=scenario,

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from mograft._util.arrays import BoolArray
-from mograft._util.runs import find_runs
 from mograft.body.groups import PRESETS, JointGroups
 from mograft.errors import suggest_name
 from mograft.io.formats import split_address
@@ -99,10 +98,9 @@ def _lock(desk: Desk, fields: Fields) -> Outcome:
     own, group = desk.project.motion(fields.values.get("id")), fields.text("group")
     graft, frames = desk.workshop.graft(own.record), fields.frames()
     editing.check_range(graft, group, frames)
-    added = [Lock(group, *frames)]
-    found = _runs(graft, group, editing.is_locked(graft, group, [*own.locks, *added]))
+    is_locked = editing.is_locked(graft, group, [*own.locks, Lock(group, *frames)])
     others = (lock for lock in own.locks if lock.group != group)
-    locked = replace(own, locks=(*others, *found))
+    locked = replace(own, locks=(*others, *_locks(graft, group, is_locked)))
     return desk.project.with_motion(locked), f"lock {editing.where(group, *frames)}"
 
 
@@ -114,18 +112,13 @@ def _unlock(desk: Desk, fields: Fields) -> Outcome:
         is_locked = editing.is_locked(graft, name, own.locks)
         if group in (None, name):
             is_locked &= ~overlaps(editing.base_segments(graft, name), frames)
-        locks += _runs(graft, name, is_locked)
+        locks += _locks(graft, name, is_locked)
     unlocked = replace(own, locks=tuple(locks))
     return desk.project.with_motion(unlocked), f"unlock {editing.where(group, *frames)}"
 
 
-def _runs(graft: Graft, group: str, is_locked: BoolArray) -> list[Lock]:
-    """Return the locks of segments, one for each run of them."""
-    cut = editing.base_segments(graft, group)
-    return [
-        Lock(group, int(cut.start[start]), int(cut.stop[stop - 1]))
-        for start, stop in find_runs(is_locked).tolist()
-    ]
+def _locks(graft: Graft, group: str, is_locked: BoolArray) -> list[Lock]:
+    return [Lock(group, *frames) for frames in editing.ranges_of(graft, group, is_locked)]
 
 
 ACTIONS: dict[str, Callable[[Desk, Fields], Outcome]] = {
