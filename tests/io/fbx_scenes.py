@@ -93,25 +93,35 @@ class Scene:
 # Documents: an element is (name, values, children).
 
 
-def _properties(values):
-    """Return the element of properties: integers in 32 bits, times in 64, or floats."""
-    rows = [("P", [name, "", "", "", *np.atleast_1d(own)], []) for name, own in values.items()]
-    return ("Properties70", [], rows)
+def _rows(fields):
+    return [(name, [value], []) for name, value in fields.items()]
+
+
+def _vector(name, value, kind="Vector3D"):
+    return ("P", [name, kind, "Vector" if kind == "Vector3D" else "", "A", *map(float, value)], [])
+
+
+def _number(name, value, kind):
+    second = {"int": "Integer", "enum": "", "bool": "", "double": "Number", "KTime": "Time"}[kind]
+    stored = value if kind in {"double", "KTime"} else np.int32(value)
+    return ("P", [name, kind, second, "", stored], [])
 
 
 def _node_properties(node):
-    vectors = {name: np.array(getattr(node, key), float) for key, name in PROPERTIES.items()}
-    vectors |= {name: np.array(getattr(node, key), float) for key, name in VECTORS.items()}
-    numbers = {"RotationOrder": node.order, "RotationActive": 1, "InheritType": node.inherit}
-    return _properties(vectors | {name: np.int32(own) for name, own in numbers.items()})
+    properties = [_vector(name, getattr(node, key), name) for key, name in PROPERTIES.items()]
+    properties += [_vector(name, getattr(node, key)) for key, name in VECTORS.items()]
+    properties.append(_number("RotationOrder", node.order, "enum"))
+    properties.append(_number("RotationActive", 1, "bool"))
+    return ("Properties70", [], [*properties, _number("InheritType", node.inherit, "enum")])
 
 
 def _settings(scene):
-    numbers = {"TimeMode": np.int32(TIME_MODE), "UnitScaleFactor": float(scene.unit)}
-    for name, axis_and_sign in zip(("Up", "Front", "Coord"), scene.axes, strict=True):
-        for end, number in zip(("", "Sign"), axis_and_sign, strict=True):
-            numbers[f"{name}Axis{end}"] = np.int32(number)
-    return ("GlobalSettings", [], [("Version", [1000], []), _properties(numbers)])
+    numbers = []
+    for name, (axis, sign) in zip(("Up", "Front", "Coord"), scene.axes, strict=True):
+        numbers += [_number(f"{name}Axis", axis, "int"), _number(f"{name}AxisSign", sign, "int")]
+    numbers.append(_number("UnitScaleFactor", float(scene.unit), "double"))
+    numbers.append(_number("TimeMode", TIME_MODE, "enum"))
+    return ("GlobalSettings", [], [("Version", [1000], []), ("Properties70", [], numbers)])
 
 
 class _Builder:
@@ -145,72 +155,60 @@ def _add_curves(builder, ticks, values, curve_node):
         fields |= {"KeyValueFloat": np.float32(column), "KeyAttrFlags": np.int32([4])}  # linear
         fields |= {"KeyAttrDataFloat": np.zeros(4, "f4")}
         fields |= {"KeyAttrRefCount": np.int32([len(column)])}
-        children = [(name, [value], []) for name, value in fields.items()]
-        builder.add("AnimationCurve", ("", "AnimCurve"), "", children, curve_node, f"d|{axis}")
+        label = ("", "AnimCurve")
+        builder.add("AnimationCurve", label, "", _rows(fields), curve_node, f"d|{axis}")
 
 
 def _add_take(builder, take, models):
     ticks = (take.first + np.arange(take.n_frames)) * (TICKS // RATE)
-    span = _properties({"LocalStart": ticks[0], "LocalStop": ticks[-1]})
-    stack = builder.add("AnimationStack", (take.name, "AnimStack"), "", [span])
+    ends = {"LocalStart": ticks[0], "LocalStop": ticks[-1]}
+    span = [_number(name, int(tick), "KTime") for name, tick in ends.items()]
+    span = [("Properties70", [], span)]
+    stack = builder.add("AnimationStack", (take.name, "AnimStack"), "", span)
     for number, layer in enumerate(take.layers):
-        modes = {"BlendMode": np.int32(layer.mode), "RotationAccumulationMode": np.int32(1)}
-        settings = _properties({"Weight": float(layer.weight), **modes})  # rotations by channel
-        label = (f"layer{number}", "AnimLayer")
-        layer_id = builder.add("AnimationLayer", label, "", [settings], stack)
+        modes = {"BlendMode": layer.mode, "RotationAccumulationMode": 1}  # by channel
+        settings = [_number("Weight", float(layer.weight), "double")]
+        settings += [_number(name, value, "enum") for name, value in modes.items()]
+        label, children = (f"layer{number}", "AnimLayer"), [("Properties70", [], settings)]
+        layer_id = builder.add("AnimationLayer", label, "", children, stack)
         for (node, key), values in layer.tracks.items():
             slot = PROPERTIES[key]
-            first = zip(("d|X", "d|Y", "d|Z"), map(float, values[0]), strict=True)
-            label, numbers = (key, "AnimCurveNode"), [_properties(dict(first))]
-            curve_node = builder.add("AnimationCurveNode", label, "", numbers, models[node], slot)
+            first = zip("XYZ", map(float, values[0]), strict=True)
+            numbers = [_number(f"d|{axis}", value, "double") for axis, value in first]
+            label, children = (key, "AnimCurveNode"), [("Properties70", [], numbers)]
+            curve_node = builder.add("AnimationCurveNode", label, "", children, models[node], slot)
             builder.connections.append(("C", ["OO", curve_node, layer_id], []))
             _add_curves(builder, ticks, values, curve_node)
 
 
 def _add_mesh(builder, scene, mesh, models):
     node = _node_properties(Node("mesh", T=mesh.place))
-    model = builder.add("Model", ("mesh", "Model"), "Mesh", [("Version", [232], []), node], 0)
+    model = builder.add("Model", ("mesh", "Model"), "Mesh", [node], 0)
     ends = [
         index if i < len(own) - 1 else ~index for own in mesh.faces for i, index in enumerate(own)
     ]
 
-    def layer(kind, mapping, reference, arrays):
-        words = {"Version": 101, "Name": "", "MappingInformationType": mapping}
-        words |= {"ReferenceInformationType": reference}
-        rows = [(name, [value], []) for name, value in (words | arrays).items()]
-        return (f"LayerElement{kind}", [0], rows)
+    def layer(kind, mapping, arrays):
+        words = {"MappingInformationType": mapping, "ReferenceInformationType": "IndexToDirect"}
+        return (f"LayerElement{kind}", [0], _rows(words | arrays))
 
-    n_corners = np.arange(len(ends), dtype=np.int32)
-    children = [
-        ("Vertices", [np.ravel(mesh.points)], []),
-        ("PolygonVertexIndex", [np.array(ends, np.int32)], []),
-        ("GeometryVersion", [124], []),
-        layer(
-            "UV",
-            "ByPolygonVertex",
-            "IndexToDirect",
-            {"UV": np.ravel(mesh.uvs), "UVIndex": n_corners},
-        ),
-        layer("Material", "AllSame", "IndexToDirect", {"Materials": np.zeros(1, np.int32)}),
-    ]
-    rows = [
-        ("LayerElement", [], [("Type", [f"LayerElement{own}"], []), ("TypedIndex", [0], [])])
-        for own in ("UV", "Material")
-    ]
-    children.append(("Layer", [0], [("Version", [100], []), *rows]))
+    uvs = {"UV": np.ravel(mesh.uvs), "UVIndex": np.arange(len(ends), dtype=np.int32)}
+    children = _rows({"Vertices": np.ravel(mesh.points), "PolygonVertexIndex": np.int32(ends)})
+    children.append(layer("UV", "ByPolygonVertex", uvs))
+    children.append(layer("Material", "AllSame", {"Materials": np.zeros(1, np.int32)}))
     geometry = builder.add("Geometry", ("mesh", "Geometry"), "Mesh", children, model)
-    children = [("Version", [102], []), ("ShadingModel", ["lambert"], [])]
-    children.append(_properties({"DiffuseColor": np.array(mesh.color)}))
-    material = builder.add("Material", ("skin", "Material"), "", children, model)
+    color = ("P", ["DiffuseColor", "Color", "", "A", *mesh.color], [])
+    shading = [("ShadingModel", ["lambert"], []), ("Properties70", [], [color])]
+    material = builder.add("Material", ("skin", "Material"), "", shading, model)
     if mesh.texture:
-        names = [("FileName", [mesh.texture], []), ("RelativeFilename", [mesh.texture], [])]
+        names = _rows({"FileName": mesh.texture, "RelativeFilename": mesh.texture})
         texture = builder.add("Texture", ("map", "Texture"), "", names, material, "DiffuseColor")
         if mesh.content:
             content = ("Content", [mesh.content], [])
             builder.add("Video", ("map", "Video"), "Clip", [*names, content], texture)
     if mesh.weights is None:
         return
-    skin = builder.add("Deformer", ("skin", "Deformer"), "Skin", [("Version", [101], [])], geometry)
+    skin = builder.add("Deformer", ("skin", "Deformer"), "Skin", [], geometry)
     worlds = world_matrices(scene, static_values(scene))
     for weights, world, bone in zip(mesh.weights, worlds, models, strict=True):
         (chosen,) = np.nonzero(weights)
@@ -219,8 +217,7 @@ def _add_mesh(builder, scene, mesh, models):
         to_bone = np.linalg.inv(world) @ _translation(mesh.place)
         arrays = {"Indexes": np.int32(chosen), "Weights": weights[chosen]}
         arrays |= {"Transform": np.ravel(to_bone.T), "TransformLink": np.ravel(world.T)}
-        children = [("Version", [100], []), *((name, [own], []) for name, own in arrays.items())]
-        cluster = builder.add("Deformer", ("own", "SubDeformer"), "Cluster", children, skin)
+        cluster = builder.add("Deformer", ("own", "SubDeformer"), "Cluster", _rows(arrays), skin)
         builder.connections.append(("C", ["OO", bone, cluster], []))
 
 
@@ -234,8 +231,8 @@ def _document(scene, version):
     models = []
     for node in scene.nodes:
         parent = models[node.parent] if node.parent >= 0 else 0
-        children = [("Version", [232], []), _node_properties(node)]
-        models.append(builder.add("Model", (node.name, "Model"), node.kind, children, parent))
+        label, children = (node.name, "Model"), [_node_properties(node)]
+        models.append(builder.add("Model", label, node.kind, children, parent))
         if node.kind == "LimbNode":
             flags = [("TypeFlags", ["Skeleton"], [])]
             builder.add("NodeAttribute", ("", "NodeAttribute"), "LimbNode", flags, models[-1])
@@ -244,8 +241,7 @@ def _document(scene, version):
             ("PoseNode", [], [("Node", [models[n]], []), ("Matrix", [np.ravel(m.T)], [])])
             for n, m in scene.bind.items()
         ]
-        children = [("Type", ["BindPose"], []), ("Version", [100], []), *poses]
-        builder.add("Pose", ("pose", "Pose"), "BindPose", children)
+        builder.add("Pose", ("pose", "Pose"), "BindPose", [("Type", ["BindPose"], []), *poses])
     for mesh in scene.meshes:
         _add_mesh(builder, scene, mesh, models)
     for take in scene.takes:
@@ -301,7 +297,7 @@ def _binary_value(value):
         return b"S" + struct.pack("<I", len(value.encode())) + value.encode()
     if isinstance(value, bytes):
         return b"R" + struct.pack("<I", len(value)) + value
-    for kind, code in ((float, "Dd"), (np.int32, "Ii"), (int | np.int64, "Lq")):
+    for kind, code in ((float, "Dd"), (np.int32, "Ii"), (int, "Lq")):
         if isinstance(value, kind):
             return code[:1].encode() + struct.pack(f"<{code[1]}", value)
     code = {"float64": b"d", "float32": b"f", "int64": b"l", "int32": b"i"}[value.dtype.name]

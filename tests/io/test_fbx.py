@@ -282,7 +282,7 @@ def with_version(version):
 
 
 def with_duration(n_frames):
-    data, stop = fbx.to_text(one_node()), b'"LocalStop", "", "", "", %d'
+    data, stop = fbx.to_text(one_node()), b'"LocalStop", "KTime", "Time", "", %d'
     old = stop % (fbx.TICKS // 30)
     assert old in data
     return data.replace(old, stop % (fbx.TICKS // 30 * n_frames))
@@ -338,7 +338,7 @@ def test_fbx_invalid_file_is_refused(path, data, message):
 
 def test_fbx_frame_rate_that_is_not_credible_needs_rate(path):
     data = fbx.to_text(one_node())
-    mode = b'"TimeMode", "", "", "", 6'
+    mode = b'"TimeMode", "enum", "", "", 6'
     rate = b'4\n\t\tP: "CustomFrameRate", "double", "Number", "", 1e300'
     assert mode in data
     path.write_bytes(data.replace(mode, mode[:-1] + b"1" + rate))
