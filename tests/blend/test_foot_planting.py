@@ -135,6 +135,19 @@ def test_plant_feet_sliding_motion_fixes_feet_and_keeps_bone_lengths(sample, see
     np.testing.assert_array_equal(still.positions[:, 1:], motion.positions[:, 1:])
 
 
+@pytest.mark.parametrize("rise", [-0.03, 0.06])
+def test_plant_feet_of_raised_or_sunk_motion_stand_near_the_floor(sample, rise):
+    recorded = sample.motion[:300]
+    ground, stands = Ground.of(recorded), detect_contacts(recorded)
+    positions = recorded.positions.copy()
+    positions[:, 0] += rise * ground.height * ground.up
+    moved = replace(recorded, positions=positions, channel_values=None)
+    still, _ = plant_feet(moved, stands, floor_reference=recorded)
+    heights = ground.above(ground.points(still))[stands] / ground.height
+    assert heights.min() >= -0.01 - 1e-3
+    assert heights.max() <= 0.03 + 1e-3
+
+
 @settings(max_examples=12, deadline=None)
 @given(SEEDS)
 def test_plant_feet_root_is_no_faster_than_before(sample, seed):
