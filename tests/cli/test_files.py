@@ -85,14 +85,6 @@ def test_info_invalid_files_are_reported_and_all_others_described(run, folder, t
             assert out == run("info", clips / "a.bvh", clips / "b.bvh")[1]
 
 
-def test_info_of_folder_describes_exports_of_the_same_name(run, succeed, folder, tmp_path):
-    """Libraries take only one of them."""
-    shutil.copy(folder / "a.bvh", tmp_path / "a.bvh")
-    succeed("export", tmp_path / "a.bvh", "-o", tmp_path / "a.npz")
-    _, out, _ = run("info", tmp_path)
-    assert all(str(tmp_path / name) in out for name in ("a.bvh", "a.npz"))
-
-
 def test_check_lists_errors_and_faults_of_every_file(run, folder, tmp_path):
     assert run("check", folder)[0] == 0
     motion = read_bvh(folder / "a.bvh")
@@ -152,12 +144,6 @@ def test_output_missing_folders_are_created(run, folder, tmp_path):
         target = tmp_path / str(number) / "deep" / words[-1]
         assert run(*words[:-1], target)[0] == 0
         assert [path.name for path in target.parent.iterdir()] == [words[-1]]
-
-
-def test_output_folder_in_place_of_page_returns_1(fail, folder, tmp_path):
-    page = tmp_path / "page.html"
-    page.mkdir()
-    assert f"{page}: is a folder, expected a file" in fail(1, "view", folder, "-o", page, "--force")
 
 
 def test_index_excluded_file_is_named_once(run, folder, tmp_path):

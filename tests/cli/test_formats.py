@@ -114,22 +114,6 @@ def test_graft_glb_count_two_writes_both_to_one_file(run, fail, succeed, figure,
     assert "out.glb exists; use --force to overwrite" in fail(1, "graft", figure, "-o", out)
 
 
-def test_graft_glb_stored_library_and_report(run, succeed, figure, tmp_path):
-    assert run("index", figure, "-o", tmp_path / "lib")[0] == 0
-    out = tmp_path / "out.glb"
-    printed = succeed("graft", tmp_path / "lib", "-o", out, "-n", 2, "--report", "--json")[0]
-    document = json.loads(printed)
-    assert [own["file"] for own in document["grafts"]] == [str(out)] * 2
-    assert out.with_suffix(".html").exists()
-    edited = tmp_path / "edited.glb"
-    words = ["--from", f"{out}#a_graft0", "--keep", "0-100"]
-    assert run("graft", *words, "-o", edited)[0] == 0
-    assert mg.read(edited).names == ("a", "b", "a_graft0")
-    bvh = tmp_path / "other.bvh"
-    assert run("graft", *words, "-o", bvh)[0] == 0
-    assert mg.read_bvh(bvh).n_frames == 300
-
-
 def test_scene_of_glb_shows_donors_of_grafts_only(run, figure, tmp_path):
     out = tmp_path / "out.glb"
     assert run("graft", figure, "-o", out)[0] == 0

@@ -235,25 +235,20 @@ def first(folder, tmp_path_factory):
     return path
 
 
-def test_graft_from_with_edits_passes_the_seed_that_is_given(succeed, first, folder, tmp_path):
-    def edited(*words):
-        path = tmp_path / "edited.bvh"
-        source = first.with_suffix(".json")
-        succeed("graft", folder, "--from", source, "--ban", "1", "-o", path, "--force", *words)
-        return json.loads(path.with_suffix(".json").read_text())["seed"]
-
-    assert [edited(), edited("--seed", "0"), edited("--seed", "7")] == [4, 0, 7]
-
-
-def test_graft_from_with_edits_prints_changes_and_records_the_command(run, first, tmp_path):
-    target = tmp_path / "edited.bvh"
-    words = ["graft", "--from", first.with_suffix(".json"), "-o", target, "--ban", "55"]
-    code, out, err = run(*words)
-    assert (code, out) == (0, f"{target}\n")
-    assert "segment 55, frames" in err
-    assert "all others are unchanged" in err
-    document = json.loads(target.with_suffix(".json").read_text())
-    assert document["edits"][0]["command"].endswith("--ban 55")
+def test_graft_from_with_edits_prints_changes_and_records_command_and_seed(
+    succeed, first, tmp_path
+):
+    target, seeds = tmp_path / "edited.bvh", []
+    for words in ((), ("--seed", "0"), ("--seed", "7")):
+        words = (*words, "--force", "--ban", "55")
+        out, err = succeed("graft", "--from", first.with_suffix(".json"), "-o", target, *words)
+        assert out == f"{target}\n"
+        assert "segment 55, frames" in err
+        assert "all others are unchanged" in err
+        document = json.loads(target.with_suffix(".json").read_text())
+        assert document["edits"][0]["command"].endswith("--ban 55")
+        seeds.append(document["seed"])
+    assert seeds == [4, 0, 7]
 
 
 @pytest.mark.parametrize("start", ["300", "10s"])

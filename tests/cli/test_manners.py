@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from mograft import read_bvh
 from mograft.cli import COMMANDS, main
-from mograft.cli.output import EscapingStream, escape_output
+from mograft.cli.output import EscapingStream
 from mograft.cli.syntax.parser import parse
 
 
@@ -179,13 +179,6 @@ def test_escaped_text_has_no_control_character_but_line_ends_and_tabs(text):
     assert {c for c, control in zip(written, is_control, strict=True) if control} <= {"\n", "\t"}
     if not any(ord(c) < 32 or 127 <= ord(c) < 160 for c in text):
         assert written == text
-
-
-def test_escape_output_restores_the_streams():
-    streams = sys.stdout, sys.stderr
-    with escape_output():
-        assert (sys.stdout.unescaped, sys.stderr.unescaped) == streams
-    assert (sys.stdout, sys.stderr) == streams
 
 
 @pytest.mark.parametrize("words", [["info"], ["check"], ["candidates", "--segment", "1"]])

@@ -155,6 +155,7 @@ MISTAKES = [
     ("graft a.bvh -o x.glb --digits 8", USAGE, "--digits requires .bvh; got x.glb"),
     ("export a.bvh -o out", USAGE, "add --format, such as --format bvh"),
     ("export a.bvh -o x.bvh --format bvh", USAGE, "--format needs a folder, got -o x.bvh"),
+    ("view a.bvh -o page.html --force", RUNTIME, "page.html: is a folder, expected a file"),
     ("view a.bvh -o v.png", USAGE, "mograft plot strip draws .png"),
     ("graft a.bvh", USAGE, "one of -o and --into is required, got none"),
     ("graft a.bvh -o x --into y.glb", USAGE, "one of -o and --into is required, got both"),
@@ -274,6 +275,7 @@ def mistakes_folder(tmp_path_factory):
     (folder / "tags.csv").write_text("clip,tags\nwalk,slow\n")
     (folder / "robot.xml").write_text(ROBOT)
     (folder / "empty").mkdir()
+    (folder / "page.html").mkdir()
     sources = [folder / "clips" / f"{name}.bvh" for name in ("dance", "walk")]
     sources[0].parent.mkdir()
     for source, frames in zip(sources, (motion[:300], motion[300:600]), strict=True):

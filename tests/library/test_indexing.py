@@ -2,7 +2,10 @@
 
 import os
 import shutil
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
+from multiprocessing import get_context
 
 import numpy as np
 import pytest
@@ -14,7 +17,6 @@ from mograft import BvhError, Library, SkeletonMismatchError, graft, graft_many,
 from mograft.library import ingest
 from mograft.library.clip_keys import read_tags
 from mograft.library.files import storage
-from tests.executors import executor_of
 from tests.library.checks import CLIP_NAMES, DANCE, assert_same_libraries, copy_clips
 
 
@@ -152,6 +154,33 @@ def test_index_tags_combine_folders_and_table(clip_folder, stored_library, tmp_p
     assert {stage for stage, *_ in stages} == {"writing"}  # new tags do not change the clusters
     assert_same_libraries(Library.open(later.folder), stored_library)
     assert storage.verify(later.folder) == []
+
+
+POOLS = {
+    "threads": lambda: ThreadPoolExecutor(2),
+    "processes": lambda: ProcessPoolExecutor(2, mp_context=get_context("spawn")),
+}
+
+
+@contextmanager
+def executor_of(kind):
+    """Yield two workers: threads, spawned processes, or those of a local cluster of Dask."""
+    if kind in POOLS:
+        with POOLS[kind]() as pool:
+            yield pool
+        return
+    dask = pytest.importorskip("dask", reason="needs the extra dask")
+    distributed = pytest.importorskip("distributed", reason="needs the extra dask")
+    names = ("comm.timeouts.connect", "comm.timeouts.tcp", "deploy.lost-worker-timeout")
+    with (
+        dask.config.set({f"distributed.{name}": "600s" for name in names}),  # on a busy machine
+        # The default of the limit depends on the machine.
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, memory_limit=0
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        yield client.get_executor()
 
 
 @pytest.mark.filterwarnings("ignore:.*taking a surprisingly long time")

@@ -190,10 +190,6 @@ def hello(**changes):
     return frame({**HELLO, **changes})
 
 
-def floats(*values):
-    return np.array(values, "<f4").tobytes()
-
-
 REACH = {"kind": "Reach", "target": [0, 0, 0], "frame": 9}
 INVALID_FRAMES = {
     "http": (b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n", "must begin with b'MGS1'"),

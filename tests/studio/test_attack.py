@@ -274,7 +274,7 @@ def test_body_that_stops_is_refused(client, folder, monkeypatch):
         b'{"paths": "x"}',
         b'{"paths": [1]}',
         b'{"paths": [{"a": 1}]}',
-        b'{"paths": null, "revision": "x"}',
+        b'{"paths": null}',
     ],
 )
 def test_malformed_message_is_refused(client, body):

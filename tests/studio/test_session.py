@@ -184,22 +184,19 @@ def test_set_constraint_keeps_its_number_and_as_a_preview_is_no_step(session):
 
 def test_waiting_previews_are_replaced_by_the_last(session):
     do(session, "add_constraint", id="m1", constraint=AVOID)
-    replies, threads, before = {}, [], session.n_requested
+    replies, pool, before = [], ThreadPoolExecutor(3), session.n_requested
 
     def move(x):
         moved = {**AVOID, "obstacle": {**SPHERE, "center": [x, 110.0, 20.0]}}
         action = {"action": "set_constraint", "id": "m1", "number": 0, "constraint": moved}
-        replies[x] = session.do({**action, "preview": True})
+        return session.do({**action, "preview": True})["message"]
 
     with session.action_lock:
         for x in (10.0, 20.0, 30.0):
-            threads.append(threading.Thread(target=move, args=(x,)))
-            threads[-1].start()
-            while session.n_requested < before + len(threads):
+            replies.append(pool.submit(move, x))
+            while session.n_requested < before + len(replies):
                 pass
-    for thread in threads:
-        thread.join()
-    assert [replies[x]["message"] for x in (10.0, 20.0, 30.0)] == ["superseded", "superseded", ""]
+    assert [own.result(30) for own in replies] == ["superseded", "superseded", ""]
 
 
 def test_only_previews_are_cut_short_by_later_requests(session, monkeypatch):

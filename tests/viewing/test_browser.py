@@ -91,31 +91,20 @@ def pin(page, row, part):
     wait_until(page, "mograft.state.hovered === null && mograft.state.pinned !== null")
 
 
-def test_viewer_segment_description_names_donor_and_click_selects(browser, path, new):
-    upper = new.substitutions
-    index, part = next((i, s) for i, s in enumerate(upper) if not s.is_own)
-    with open_page(browser, path) as page:
-        page.evaluate(f"mograft.seek({part.start + 1})")
-        text = page.evaluate(f"mograft.describe(2, {index})")
-        assert f"donor dance {part.donor_start}{DASH}{part.donor_stop}" in text
-        assert f"frames {part.start}{DASH}{part.stop}" in text
-        pin(page, 2, part)
-        page.evaluate("mograft.seek(mograft.frame())")  # Draws at once, also on a busy machine.
-        assert page.locator("[data-part=detail]").text_content() == text
-        assert part.start <= page.evaluate("mograft.frame()") <= part.stop
-        page.locator("details summary").click()
-        # The browser reports the opened table, which fills it, some time after the click.
-        wait_until(
-            page, f"document.querySelectorAll('[data-part=table] tr').length === {3 * len(upper)}"
-        )
-
-
-def test_viewer_click_lists_candidates_with_command(browser, path, new, library):
+def test_viewer_click_describes_segment_and_lists_candidates_with_command(
+    browser, path, new, library
+):
     index, part = next((i, s) for i, s in enumerate(new.substitutions) if not s.is_own)
     want = mg.candidates(library, part.segment, "upper").allowed
     with open_page(browser, path) as page:
         assert not page.locator("[data-part=candidates]").is_visible()
         pin(page, 2, part)
+        page.evaluate("mograft.seek(mograft.frame())")  # Draws at once, also on a busy machine.
+        text = page.evaluate(f"mograft.describe(2, {index})")
+        assert f"donor dance {part.donor_start}{DASH}{part.donor_stop}" in text
+        assert f"frames {part.start}{DASH}{part.stop}" in text
+        assert page.locator("[data-part=detail]").text_content() == text
+        assert part.start <= page.evaluate("mograft.frame()") <= part.stop
         rows = page.locator("[data-part=donors] tr")
         wait_until(
             page, f"document.querySelectorAll('[data-part=donors] tr').length === {len(want)}"
@@ -143,6 +132,10 @@ def test_viewer_click_lists_candidates_with_command(browser, path, new, library)
             assert page.locator("[data-part=commands] input").count() == 0
         page.keyboard.press("Space")  # Also beside a button.
         assert page.evaluate("mograft.state.playing")
+        page.locator("details summary").click()
+        # The browser reports the opened table, which fills it, some time after the click.
+        n_rows = 3 * len(new.substitutions)
+        wait_until(page, f"document.querySelectorAll('[data-part=table] tr').length === {n_rows}")
     donors = [eval(own, {"mg": mg, "graft": new}).substitutions[index] for own in texts]
     assert (donors[0].donor_start, donors[0].donor_stop) == (candidate.start, candidate.stop)
     assert donors[1].donor_start != candidate.start

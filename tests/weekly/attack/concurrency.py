@@ -1,12 +1,9 @@
 """Public functions on one library from several threads: the results equal those of one thread."""
 
-import dataclasses
-import hashlib
 import io
 import tempfile
 import threading
 import warnings
-from collections.abc import Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -17,6 +14,7 @@ import mograft as mg
 import mograft.constraints as mc
 from mograft import clustering, formats
 from mograft.dancer import dance
+from tests.fingerprint import fingerprint
 
 EXEMPT = {
     "write_usd": "needs an optional package",
@@ -113,34 +111,6 @@ POINT_CALLS = {
 }
 CALLS = LIBRARY_CALLS | CLIP_CALLS | POINT_CALLS
 """Calls by the name of the public function or method of libraries."""
-
-
-def fingerprint(value):
-    """Return a hash of all numbers and texts in a result."""
-    digest = hashlib.sha256()
-    _update(digest, value)
-    return digest.hexdigest()
-
-
-def _update(digest, value):
-    if isinstance(value, np.ndarray):
-        digest.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
-    elif isinstance(value, mg.Graft):
-        _update(digest, [value.motion, value.substitutions, value.seams, value.feet])
-    elif isinstance(value, mg.Motion):
-        _update(digest, [value.rotations, value.positions, value.channel_numbers(), value.name])
-    elif dataclasses.is_dataclass(value):
-        _update(digest, {own.name: getattr(value, own.name) for own in dataclasses.fields(value)})
-    elif isinstance(value, Mapping):
-        _update(digest, list(value.items()))
-    elif isinstance(value, Set):
-        _update(digest, sorted(value))
-    elif isinstance(value, Sequence) and not isinstance(value, str | bytes):
-        digest.update(f"{len(value)}[".encode())
-        for item in value:
-            _update(digest, item)
-    else:
-        digest.update(value if isinstance(value, bytes) else repr(value).encode())
 
 
 def run_call(library, name):

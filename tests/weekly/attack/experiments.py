@@ -18,7 +18,8 @@ import numpy as np
 import mograft as mg
 from mograft import Library, clustering, write_bvh
 from mograft.dancer import dance
-from tests.weekly.attack.concurrency import compare_threads, fingerprint
+from tests.fingerprint import fingerprint
+from tests.weekly.attack.concurrency import compare_threads
 
 MOTION = dance(seed=5, strides=1).motion
 
