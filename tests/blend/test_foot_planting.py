@@ -19,6 +19,7 @@ from mograft import (
     plant_feet,
     read_bvh,
 )
+from mograft._util.runs import dilate
 from mograft.blend.foot_planting import limit_floor_speed
 from mograft.blend.two_bone_ik import bend_limb
 from mograft.body.contacts import Ground, detect_contacts, foot_heights
@@ -304,8 +305,9 @@ def test_plant_feet_min_heights_lift_swinging_feet(sample, seed, drop):
     """A figure that sinks into the floor: its feet keep their heights, up to the clearance."""
     start = int(np.random.default_rng(seed).integers(0, sample.motion.n_frames - 200))
     motion = sample.motion[start : start + 200]
-    stands, high = detect_contacts(sample.motion), foot_heights(sample.motion)
-    stands, high = stands[start : start + 200], high[start : start + 200]
+    stands, high = (
+        own(sample.motion)[start : start + 200] for own in (detect_contacts, foot_heights)
+    )
     height = mass_model(motion.skeleton).height
     places = motion.positions.copy()
     places[:, 0, 1] -= drop * height * np.sin(np.linspace(0, np.pi, 200)) ** 2
@@ -317,17 +319,11 @@ def test_plant_feet_min_heights_lift_swinging_feet(sample, seed, drop):
     ground = Ground.of(sample.motion)
     low = [ground.above(ground.points(one)) / height for one in (loose, tight)]
     # Far from plants, where neither a plant nor its fade changes a foot.
-    free = ~stands.any(axis=2)
-    for shift in range(1, 5):
-        free[shift:] &= ~stands.any(axis=2)[:-shift]
-        free[:-shift] &= ~stands.any(axis=2)[shift:]
+    free = np.stack([~dilate(own, 4) for own in stands.any(axis=2).T], axis=1)
     lacks = [np.maximum(np.minimum(high, 0.05) - own, 0.0)[free] for own in low]
     # The sum is in skeleton heights times frames. 1e-4 is 0.2 mm of a person in one frame: so
     # small a deficit is no drag, and the smoothing of the lift determines its ratio.
     assert lacks[1].sum() <= 0.3 * lacks[0].sum() + 1e-4
-    held = stands[1:] & stands[:-1]
-    steps = np.linalg.norm(np.diff(ground.points(tight), axis=0), axis=-1) / height
-    assert steps[held].max(initial=0) < 1e-3
     assert (low[1] >= low[0] - 1e-3).all()
 
 

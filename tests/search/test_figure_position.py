@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 import mograft as mg
 import mograft.constraints as mc
@@ -60,16 +61,8 @@ def test_figure_position_moves_turns_and_scales_with_the_figure(part, offset, ya
     before, after = located(MOTION, part, offset), located(moved, part, offset)
     origin, moved_origin = located(MOTION, part, (0, 0, 0)), located(moved, part, (0, 0, 0))
     turned = before - origin
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    expected = np.stack(
-        [
-            cos * turned[:, 0] + sin * turned[:, 2],
-            turned[:, 1],
-            cos * turned[:, 2] - sin * turned[:, 0],
-        ],
-        axis=1,
-    )
-    assert_allclose(after - moved_origin, scale * expected, atol=1e-6 * scale * HEIGHT)
+    expected = scale * turned @ Rotation.from_rotvec([0.0, yaw, 0.0]).as_matrix().T
+    assert_allclose(after - moved_origin, expected, atol=1e-6 * scale * HEIGHT)
     assert_allclose(np.linalg.norm(turned, axis=1), HEIGHT * np.linalg.norm(offset), atol=1e-6)
 
 

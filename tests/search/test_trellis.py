@@ -1,7 +1,5 @@
 """Properties of trellises of donors."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -64,21 +62,3 @@ def test_trellis_costs_match_the_formula_and_keep_the_cheapest(make_pool, seed, 
                 expected += (np.linalg.norm(jump, axis=1).mean() / scales.velocity) ** 2
                 expected += INFEASIBLE_PENALTY * (angle > 0.5)
                 assert costs[a, b] == pytest.approx(expected, abs=1e-9)
-
-
-@given(SEEDS, st.integers(0, 2**32 - 1), st.integers(1, 5))
-def test_added_imbalances_of_runs_of_base_segments_match_the_formula(make_pool, seed, draw, size):
-    pool, rng = make_pool(seed, n_labels=1), np.random.default_rng(draw)
-    n = len(pool.segments)
-    base = np.repeat(rng.integers(0, n, 12), rng.integers(0, 4, 12))
-    donors, seconds = rng.integers(0, n, len(base)), pool.segments.lengths / pool.rate
-    shifts = balance_oracle.zero_moment_shifts(
-        pool.balance.mass_offsets(base), pool.balance.mass_offsets(donors), seconds[base]
-    )
-    margins = pool.balance.support_margins(base)
-    expected = balance_oracle.added_imbalances(shifts, margins, np.arange(len(base)))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mograft.search.segment_pool._SEGMENTS_PER_BATCH", size)
-        found = pool.added_imbalances(base, donors)
-    np.testing.assert_allclose(found, expected, atol=1e-11)
-    np.testing.assert_array_equal(found, replace(pool).added_imbalances(base, donors))
