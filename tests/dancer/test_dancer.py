@@ -73,6 +73,17 @@ def test_dance_seed_and_its_generator_give_the_same_bytes():
     assert len({tuple(placed_dance(seed, 1).dance.legs[::30]) for seed in range(5)}) == 5
 
 
+def test_skeleton_rest_pose_is_a_symmetric_t_pose():
+    skeleton = placed_dance(0, 1).motion.skeleton
+    rest = dict(zip(skeleton.names, skeleton.rest_positions(), strict=True))
+    for name in (own for own in rest if own.startswith("Left")):
+        mirrored = rest[name.replace("Left", "Right")] * [-1, 1, 1]
+        np.testing.assert_array_equal(rest[name], mirrored)
+    arm = np.array([rest[f"Left{part}"] for part in ("Arm", "ForeArm", "Hand")])
+    np.testing.assert_array_equal(np.diff(arm, axis=0)[:, 1:], 0.0)
+    assert (np.diff(arm[:, 0]) > 0).all()
+
+
 @for_every_dance
 def test_dance_contains_every_combination_once(sample):
     pairs = list(zip(sample.dance.legs.tolist(), sample.dance.arms.tolist(), strict=True))

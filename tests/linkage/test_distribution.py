@@ -106,7 +106,7 @@ def environment(wheels, tmp_path_factory):
 
 
 @pytest.mark.thorough
-def test_wheel_needs_numpy_only_and_imports_fast(environment):
+def test_wheel_needs_and_imports_numpy_only(environment):
     listed = run(environment, "-m", "pip", "list", "--format=json", "--disable-pip-version-check")
     names = {package["name"] for package in json.loads(listed.stdout)}
     assert names - {"pip", "setuptools"} == {"mograft-linkage", "numpy"}
@@ -116,11 +116,8 @@ before = set(sys.modules)
 import mograft_linkage
 print(*set(sys.modules) - before)
 """
-    found = run(environment, "-X", "importtime", "-c", code)
+    found = run(environment, "-c", code)
     added = set(found.stdout.split())
     ours = {name for name in added if name.startswith("mograft_linkage")}
-    # The modules do not depend on the machine; the time has a wide margin.
     assert len(ours) == len(MODULES) + 1
     assert {name.partition(".")[0] for name in added - ours} <= {"numpy", *sys.stdlib_module_names}
-    lines = re.findall(r"import time:\s+(\d+) \|\s+\d+ \|\s+(\S+)", found.stderr)
-    assert sum(int(microseconds) for microseconds, name in lines if name in added) < 200_000
