@@ -47,7 +47,7 @@ def chromium():
 
 
 HELPERS = """() => {
-  const { scene, state, timeline, commandOf, describe, preview } = mograft;
+  const { scene, state, timeline, actorOf, commandOf, describe, preview } = mograft;
   const { clips } = scene;
   const segment = (row, part) => ({ line: timeline.lines[row], part });
   const given = { describe, preview };
@@ -57,6 +57,12 @@ HELPERS = """() => {
       const pose = mograft.setPose(clip, frame, mograft.makePose(clip));
       const nodes = Array.from({ length: clip.parents.length + clip.ends.length }, (_, i) => i);
       return nodes.flatMap((node) => mograft.nodePlace(clip, pose, node));
+    },
+    skin: (index) => {
+      const { meshes } = actorOf(clips[index]);
+      const { skeleton } = meshes.find(({ userData }) => !userData.isRigid);
+      skeleton.update();
+      return Array.from(skeleton.boneMatrices);
     },
     pin: (row, part) => { state.pinned = segment(row, part); },
     describe: (row, part) => given.describe(segment(row, part)),

@@ -15,6 +15,20 @@ async function open(text, name) {
   return { root: gltf.scene, seek };
 }
 
+// The matrix of each joint from the axes of the mesh to the world, at some times.
+window.play = async (text, name, times) => {
+  const { root, seek } = await open(text, name);
+  let mesh = null;
+  root.traverse((node) => (mesh ||= node.isSkinnedMesh ? node : null));
+  return times.map((time) => {
+    seek(time);
+    mesh.skeleton.update();
+    const { bones, boneMatrices } = mesh.skeleton;
+    const rows = bones.map((bone, i) => [bone.userData.name || bone.name, Array.from(boneMatrices.slice(16 * i, 16 * i + 16))]);
+    return Object.fromEntries(rows);
+  });
+};
+
 // Draw the character at times as cameras of the page see it: on a canvas that fills the window.
 window.draw = async (text, name) => {
   const { root, seek } = await open(text, name);
