@@ -155,7 +155,7 @@ def _lifts(
     leg: int,
     rate: float,
 ) -> FloatArray:
-    """Return by how much heel and toe are raised in frames without contact, (n_frames, 2).
+    """Return how far to raise heel and toe in each frame without contact, (n_frames, 2).
 
     The result is in the file's unit, `min_heights` in skeleton heights.
     """

@@ -34,7 +34,7 @@ class ValueSpace:
         return start + delta
 
     def transport(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:  # noqa: ARG002
-        """Return the velocity of ``add(value, delta)`` for a value with the given velocity."""
+        """Return the velocity of a value after the constant `delta` is added to it."""
         return velocity
 
     def delta_rate(self, delta: FloatArray, velocity: FloatArray) -> FloatArray:  # noqa: ARG002

@@ -321,7 +321,9 @@ def augment(
     if not 0.5 < stride * library.rate < np.inf:
         raise ValueError(f"`stride` must be at least one frame, got {stride}")
     if not 0 <= float(min_new) <= 1:
-        raise ValueError(f"`min_new` must be a share of frames, 0 to 1, got {min_new}")
+        raise ValueError(
+            f"`min_new`, a share of frames that are new, must be 0 to 1, got {min_new}"
+        )
     names = check_features(features, library)
     seed = as_integer("seed", seed)
     chosen = select_part(library, split, part, seed)

@@ -69,7 +69,7 @@ class Estimate(Record):
 
     @classmethod
     def without_value(cls, n: int, unit: str, interval_method: str) -> Self:
-        """Return an estimate without a value and without an interval."""
+        """Return the estimate of a measure that could not be computed: no value, no interval."""
         return cls(math.nan, math.nan, math.nan, n, unit, interval_method)
 
     def text(self, digits: int = 3, scale: float = 1.0, suffix: str = "") -> str:

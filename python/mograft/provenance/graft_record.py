@@ -255,7 +255,7 @@ def find_whole_library(record: GraftRecord, sources: Sequence[str]) -> Library:
         return _prepare_library(record, Library.open(recorded.folder), str(recorded.folder))
     names = [_present_source(record, own) for own in sources or record.sources]
     if not names:
-        raise record.error("the graft was made in Python: give the library, or all of its files")
+        raise record.error("the graft was made without files: give its library, or all clips of it")
     options: IngestOptions = {
         "match": recorded.match,
         "hierarchy": recorded.hierarchy,

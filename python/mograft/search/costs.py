@@ -198,7 +198,7 @@ def excess(amounts: FloatArray) -> FloatArray:
 
 
 def infeasible_costs(amounts: FloatArray) -> FloatArray:
-    """Return the costs of violating hard constraints, given violation amounts in tolerances.
+    """Return the cost of each violation, given its amount as a multiple of the tolerance.
 
     The cost is ``INFEASIBLE_PENALTY · (1 + amount)`` for amounts above 1, and 0 for others.
     """

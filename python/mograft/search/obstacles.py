@@ -56,7 +56,7 @@ class Sphere:
         check_not_negative(self, "radius")
 
     def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
-        """As `Obstacle.distances`."""
+        """Return distances from this obstacle; see `Obstacle.distances`."""
         return Capsule(self.center, self.center, self.radius).distances(poses, capsule_indices)
 
 
@@ -87,7 +87,7 @@ class Capsule:
         check_not_negative(self, "radius")
 
     def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
-        """As `Obstacle.distances`."""
+        """Return distances from this obstacle; see `Obstacle.distances`."""
         ends = np.array([[[self.start, self.stop]]], float)
         return _nearest(poses, capsule_indices, ends, np.array([self.radius], float), None)
 
@@ -126,7 +126,7 @@ class Box:
         object.__setattr__(self, "rotation", tuple(quat.tolist()))
 
     def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
-        """As `Obstacle.distances`."""
+        """Return distances from this obstacle; see `Obstacle.distances`."""
         ends, radii = poses.ends[:, capsule_indices], poses.capsules.radii[capsule_indices]
         box = (np.array(own, float) for own in (self.center, self.half, self.rotation))
         return _minimum(box_clearance(ends, radii, *box), capsule_indices)
@@ -159,7 +159,7 @@ class HalfSpace:
             raise ValueError("`normal` must not be zero")
 
     def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
-        """As `Obstacle.distances`."""
+        """Return distances from this obstacle; see `Obstacle.distances`."""
         normal = np.array(self.normal, float) / np.linalg.norm(self.normal)
         heights = (poses.ends[:, capsule_indices] - np.array(self.point, float)) @ normal
         radii = poses.capsules.radii[capsule_indices]
@@ -215,7 +215,7 @@ class Character:
         return moved, shape.radii * self.radius
 
     def distances(self, poses: Poses, capsule_indices: IntArray) -> tuple[FloatArray, IntArray]:
-        """As `Obstacle.distances`."""
+        """Return distances from this obstacle; see `Obstacle.distances`."""
         ends, radii = self._capsule_ends_and_radii
         seconds = poses.frames * poses.frame_time - self.delay
         at = np.round(seconds / self.motion.frame_time).astype(np.int64)

@@ -24,7 +24,7 @@ Json = dict[str, Any]
 
 
 class Desk:
-    """A project and its history. All methods can be called from any thread."""
+    """The open project with its steps of undo. All methods can be called from any thread."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder).resolve()

@@ -121,7 +121,7 @@ class Guard:
             await self.app(scope, _limit(scope, receive), send_safely)
 
     def _check(self, scope: Scope) -> Response | None:
-        """Return the reply if the request needs no further one; raise Refusal if it is refused."""
+        """Return a reply if the check alone answers, otherwise None; raise Refusal."""
         headers = Headers(scope=scope)
         host, site = headers.get("host", ""), headers.get("sec-fetch-site", "none")
         if host not in self._hosts:

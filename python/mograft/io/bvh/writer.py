@@ -219,7 +219,7 @@ def round_numbers(numbers: FloatArray, digits: int) -> FloatArray:
 
 
 def count_decimals(numbers: FloatArray) -> int:
-    """Return the number of decimals with which numbers were written, at most 12.
+    """Return how many decimals the numbers of a text were written with, at most 12.
 
     This is the smallest number of decimals that reproduces nine tenths of the numbers that are not
     integers. The other tenth may have been written with exponents. NaN is ignored. The result is 0

@@ -1,4 +1,4 @@
-//! The tree of any points, by stages and on the matrix: `python -m tests.fuzz.rust 600 tree`.
+//! The tree of any points, by stages and on the matrix: `python -m tests.fuzz_rust 600 tree`.
 //!
 //! The first byte is the count of axes, the second selects the tuning, and the third selects the
 //! threads and the type of coordinates; the others are coordinates. One thread and few points take
