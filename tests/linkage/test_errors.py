@@ -102,26 +102,6 @@ def test_invalid_input_raises_error(call, data, options, error, message):
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the limit is that of Linux")
-def test_cophenet_too_many_pairs_raises_memory_error():
-    """A terabyte, also where the system promises more memory than it has."""
-    code = """
-import resource
-import numpy as np
-from mograft import clustering
-merges = np.arange(2.0**19 - 1)
-tree = np.column_stack([np.r_[0, merges[:-1] + 2], 2.0**19 + merges - 1, merges, merges + 2])
-tree[0, 1] = 1
-resource.setrlimit(resource.RLIMIT_AS, (1 << 36, 1 << 36))
-try:
-    clustering.dendrogram.cophenet(tree)
-except MemoryError:
-    print("MemoryError")
-"""
-    child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert child.stdout == "MemoryError\n"
-
-
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the limit is that of Linux")
 @pytest.mark.parametrize("megabytes", [1, 4, 12, 40])
 def test_limited_address_space_raises_memory_error_or_succeeds(megabytes):
     """The process is never aborted, whatever thread needs memory first."""

@@ -1,17 +1,17 @@
-"""Orders, flat clusters, cophenetic distances and truncation of trees, without recursion.
+"""Orders and truncation of trees, without recursion.
 
 The functions take any tree in SciPy's format whose heights do not decrease. Time and memory are at
-most n log n for n points, except for the n (n - 1) / 2 distances of `cophenet` without pairs.
+most n log n for n points.
 """
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from ._checks import FloatArray, IntArray, as_array, as_count, as_floats, as_height
+from ._checks import FloatArray, IntArray, as_count, as_floats, as_height
 
-__all__ = ["TruncatedTree", "cophenet", "fcluster", "leaves_list", "truncate"]
+__all__ = ["TruncatedTree", "leaves_list", "truncate"]
 
 
 def leaves_list(tree: npt.ArrayLike) -> IntArray:
@@ -37,117 +37,11 @@ def leaves_list(tree: npt.ArrayLike) -> IntArray:
     >>> leaves_list([[0, 2, 1.0, 2], [1, 3, 5.0, 3]])
     array([1, 0, 2])
     """
-    return _order(_as_tree(tree))
-
-
-def fcluster(
-    tree: npt.ArrayLike, t: float, criterion: Literal["distance", "maxclust"] = "distance"
-) -> IntArray:
-    """Return the flat clusters of a tree.
-
-    Parameters
-    ----------
-    tree : array_like, shape (n - 1, 4)
-        A tree as returned by `linkage`.
-    t : float
-        For "distance", the greatest height of a merge, inclusive. For "maxclust", the greatest
-        number of clusters.
-    criterion : {"distance", "maxclust"}
-        The meaning of `t`. If merges of equal height make exactly `t` clusters impossible,
-        "maxclust" returns fewer.
-
-    Returns
-    -------
-    ndarray of int64, shape (n,)
-        The cluster of each point, numbered from 1 as by `scipy.cluster.hierarchy.fcluster`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `tree` is not a tree, heights decrease, `t` is out of range, or `criterion` is unknown.
-
-    See Also
-    --------
-    cut : The same clusters by diameter from points, without a tree.
-
-    Examples
-    --------
-    >>> fcluster([[0, 2, 1.0, 2], [1, 3, 5.0, 3]], 2.0)
-    array([1, 2, 1])
-    """
-    checked = _as_tree(tree)
-    heights, n = checked[:, 2], len(checked) + 1
-    if criterion not in ("distance", "maxclust"):
-        raise ValueError(f"`criterion` must be 'distance' or 'maxclust', got {criterion!r}")
-    limit = as_height("t", t)
-    if criterion == "maxclust":
-        n_clusters = as_count("t", int(t) if limit.is_integer() else t, 1)
-        if n_clusters >= n:
-            return np.arange(1, n + 1)
-        limit = heights[n - 1 - n_clusters]
-    top = top_clusters(checked, int(np.searchsorted(heights, limit, side="right")))[:n]
-    # SciPy numbers a part that is a single point after the other part.
-    is_swapped = (checked[:, 0] < n) & (checked[:, 1] >= n)
-    swapped = np.where(is_swapped[:, None], checked[:, [1, 0, 2, 3]], checked)
-    order = _order(swapped)
-    labels = np.empty(n, dtype=np.int64)
-    labels[order] = np.cumsum(np.diff(top[order], prepend=-1) != 0)
-    return labels
-
-
-def cophenet(tree: npt.ArrayLike, pairs: npt.ArrayLike | None = None) -> FloatArray:
-    """Return cophenetic distances: the heights at which pairs of points are merged.
-
-    Parameters
-    ----------
-    tree : array_like, shape (n - 1, 4)
-        A tree as returned by `linkage`.
-    pairs : array_like of int, shape (n_pairs, 2), optional
-        The pairs of points. Default: all of them, in the order of
-        `scipy.spatial.distance.pdist`.
-
-    Returns
-    -------
-    ndarray, shape (n_pairs,)
-        The heights; 0 for a pair of a point with itself. Without `pairs`, they are those of
-        `scipy.cluster.hierarchy.cophenet`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `tree` is not a tree, heights decrease, or `pairs` has the wrong shape or type.
-    IndexError
-        If a point of a pair is not between 0 and n - 1.
-
-    Notes
-    -----
-    The height is the largest one between the positions of the two points in `leaves_list`. A table
-    of maxima over ranges of 1, 2, 4, ... positions answers all pairs; one range length is in memory
-    at a time.
-
-    Examples
-    --------
-    >>> cophenet([[0, 2, 1.0, 2], [1, 3, 5.0, 3]], pairs=[[0, 2], [1, 2]])
-    array([1., 5.])
-    """
     checked = _as_tree(tree)
     n = len(checked) + 1
-    first, size = _positions(checked)
-    # between[p] is the height at which the leaves at positions p and p + 1 are merged.
-    between = np.empty(n - 1)
-    between[first[n:] + size[checked[:, 0].astype(np.int64)] - 1] = checked[:, 2]
-    if pairs is None:
-        return _all_maxima(between, first[:n])
-    array = as_array("pairs", pairs)
-    if array.ndim != 2 or array.shape[1] != 2:
-        raise ValueError(f"`pairs` must have shape (n_pairs, 2), got {array.shape}")
-    if array.size and array.dtype.kind not in "iu":
-        raise TypeError(f"`pairs` must be whole numbers, got {array.dtype}")
-    if array.size and not (array.min() >= 0 and array.max() < n):
-        wrong = array.min() if array.min() < 0 else array.max()
-        raise IndexError(f"`pairs` must be between 0 and {n - 1}, got {wrong}")
-    positions = np.sort(first[array.astype(np.int64)], axis=1)
-    return _range_maxima(between, positions[:, 0], positions[:, 1])
+    order = np.empty(n, dtype=np.int64)
+    order[_positions(checked)[0][:n]] = np.arange(n)
+    return order
 
 
 class TruncatedTree(NamedTuple):
@@ -285,14 +179,6 @@ def labels_after_merges(tree: FloatArray, n_merges: int) -> IntArray:
     return np.argsort(np.argsort(first))[cluster].astype(np.int64)
 
 
-def _order(tree: FloatArray) -> IntArray:
-    """Return the points from left to right."""
-    n = len(tree) + 1
-    order = np.empty(n, dtype=np.int64)
-    order[_positions(tree)[0][:n]] = np.arange(n)
-    return order
-
-
 def _positions(tree: FloatArray) -> tuple[IntArray, IntArray]:
     """Return the position of the first leaf of each cluster, and the number of its leaves."""
     n = len(tree) + 1
@@ -307,31 +193,3 @@ def _positions(tree: FloatArray) -> tuple[IntArray, IntArray]:
             return first, size
         first += first[parents]
         parents = above
-
-
-def _range_maxima(values: FloatArray, starts: IntArray, stops: IntArray) -> FloatArray:
-    """Return the maxima of ``values[start:stop]``; 0 for empty ranges."""
-    lengths = stops - starts
-    maxima = np.zeros(len(starts))
-    # Each range is covered by two ranges whose length is the largest power of two within it.
-    exponents = np.frexp(lengths.astype(np.float64))[1] - 1
-    level = values
-    for exponent in range(int(exponents.max(initial=-1)) + 1):
-        width = 1 << exponent
-        (chosen,) = np.nonzero(exponents == exponent)
-        maxima[chosen] = np.maximum(level[starts[chosen]], level[stops[chosen] - width])
-        level = np.maximum(level[:-width], level[width:]) if len(level) > width else level[:0]
-    return maxima
-
-
-def _all_maxima(between: FloatArray, positions: IntArray) -> FloatArray:
-    """Return the maxima between all pairs of points, in the order of a condensed matrix."""
-    n = len(positions)
-    order = np.argsort(positions)
-    condensed = np.empty(n * (n - 1) // 2)
-    for position in range(n - 1):
-        point, others = order[position], order[position + 1 :]
-        low, high = np.minimum(point, others), np.maximum(point, others)
-        rows = low * (2 * n - 1 - low) // 2
-        condensed[rows + high - low - 1] = np.maximum.accumulate(between[position:])
-    return condensed
