@@ -59,9 +59,7 @@ def pair(first, second):
     These are the segments that both exchange in the same run. `first` and `second` have the
     `BalanceSample` of each base.
     """
-    states = [
-        np.concatenate([own.states("all")[:-1] for own in two], axis=1) for two in (first, second)
-    ]
+    states = [np.concatenate([own.states()[:-1] for own in two], axis=1) for two in (first, second)]
     changed = [np.concatenate([own.changed for own in two], axis=1) for two in (first, second)]
     difference = np.where(changed[0] & changed[1], states[0] - states[1], np.nan)
     lengths = [len(own.cut) for own in first]

@@ -13,7 +13,6 @@ from mograft.body.mass import center_of_mass, mass_model
 from mograft.body.support_polygon import signed_distance, support_polygons
 from mograft.dancer import dance
 from mograft.evaluation.balance import (
-    RULES,
     Balance,
     BalanceSample,
     balance_row,
@@ -41,10 +40,7 @@ def test_balance_transformed_motion_is_unchanged(scale, yaw, x, z):
         distance = np.where(expected.grounded, expected.distance, 1)
         if (np.abs(distance) <= 1e-6).any():
             continue  # rounding may move a point over the edge
-        for rule in RULES:
-            np.testing.assert_array_equal(
-                expected.classify(cut, rule)[0], found.classify(cut, rule)[0]
-            )
+        np.testing.assert_array_equal(expected.classify(cut), found.classify(cut))
 
 
 def test_balance_lifted_motion_over_given_floor_is_flight():
@@ -82,9 +78,8 @@ def test_static_balance_leaning_figure_is_unbalanced():
     leaning = static_balance(standing_figure(-1.4), floor_reference=DANCE)
     assert upright.distance[0] < 0 < leaning.distance[0]
     cut = Segments([0, 10], [10, 39])
-    for rule in RULES:
-        assert not upright.classify(cut, rule)[0].any()
-        assert leaning.classify(cut, rule)[0].all()
+    assert not upright.classify(cut)[0].any()
+    assert leaning.classify(cut)[0].all()
 
 
 @pytest.mark.parametrize("acceleration", [-300.0, 0.0, 150.0, 600.0])
@@ -108,18 +103,14 @@ def test_dynamic_balance_constant_acceleration_shifts_zero_moment_point(accelera
 
 
 @given(npst.arrays(np.float64, 30, elements=st.sampled_from([-0.1, 0.1, np.nan])))
-def test_classify_rules_equal_counts_of_grounded_frames(distance):
-    balance = static_distances(distance)
+def test_classify_segments_by_their_grounded_frames(distance):
     cut = Segments([0, 7, 15], [7, 15, 29])
-    by_rule = {rule: balance.classify(cut, rule)[0] for rule in RULES}
-    flight = balance.classify(cut)[1]
+    unbalanced, flight = static_distances(distance).classify(cut)
     for index, (start, stop) in enumerate(zip(cut.start, cut.stop, strict=True)):
         frames = distance[start : stop + 1]
         frames = frames[np.isfinite(frames)]
         assert flight[index] == (len(frames) == 0)
-        assert by_rule["all"][index] == (len(frames) > 0 and (frames > 0).all())
-        assert by_rule["majority"][index] == ((frames > 0).sum() > len(frames) / 2)
-        assert by_rule["any"][index] == (frames > 0).any()
+        assert unbalanced[index] == (len(frames) > 0 and (frames > 0).all())
 
 
 def test_balance_unsupported_arguments_raise():
@@ -132,27 +123,25 @@ def test_balance_unsupported_arguments_raise():
     support = support_polygons(DANCE[:10], floor_reference=DANCE)
     with pytest.raises(ValueError, match="20 frames"):
         static_balance(DANCE[:20], support=support)
-    with pytest.raises(ValueError, match="rule"):
-        static_balance(DANCE).classify(segment(DANCE), "most")
 
 
 def test_balance_row_random_balances_equals_counted_rates():
-    rng = np.random.default_rng(4)
-    samples = []
-    for cut, n in ((Segments([0, 5, 9], [5, 9, 14]), 15), (Segments([0, 4], [4, 9]), 10)):
-        original, *grafts = (static_distances(rng.choice([-1.0, 1.0], n)) for _ in range(4))
-        samples.append(BalanceSample(cut, original, grafts, rng.random((3, len(cut))) < 0.5))
-    row = balance_row("x", samples, "any")
-    states = [
-        [own.classify(sample.cut, "any")[0] for own in (sample.original, *sample.grafts)]
-        for sample in samples
-    ]
-    before, *after = np.concatenate(states, axis=1)
-    after, is_changed = np.array(after), np.concatenate([own.changed for own in samples], axis=1)
-    assert row.rate.value == after.mean()
-    assert row.rate_changed.value == after[is_changed].mean()
-    differences = (after.astype(float) - before)[is_changed]
-    assert row.difference_changed.value == pytest.approx(differences.mean())
-    assert row.rate.n == after.size
-    assert row.difference_changed.n == is_changed.sum()
+    """Segments of one frame each, a fifth of them in flight."""
+    rng, samples, states, changed = np.random.default_rng(4), [], [], []
+    for n in (15, 10):
+        values = rng.choice([-1.0, 1.0, 1.0, -1.0, np.nan], (4, n)).repeat(2, axis=1)
+        cut = Segments(np.arange(0, 2 * n, 2), np.arange(1, 2 * n, 2))
+        states.append((values[:, ::2] + 1.0) / 2.0)
+        changed.append(rng.random((3, n)) < 0.5)
+        original, *grafts = map(static_distances, values)
+        samples.append(BalanceSample(cut, original, grafts, changed[-1]))
+    row = balance_row("x", samples)
+    (before, *after), is_changed = np.concatenate(states, 1), np.concatenate(changed, 1)
+    differences = np.array(after) - before
+    assert row.rate.value == pytest.approx(np.nanmean(after))
+    assert row.rate_changed.value == pytest.approx(np.nanmean(np.array(after)[is_changed]))
+    assert row.difference_changed.value == pytest.approx(np.nanmean(differences[is_changed]))
+    assert row.flight == pytest.approx(np.isnan(after).mean())
+    assert row.rate.n == np.isfinite(after).sum()
+    assert row.difference_changed.n == np.isfinite(differences[is_changed]).sum()
     assert row.runs == 3

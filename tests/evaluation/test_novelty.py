@@ -14,10 +14,9 @@ from mograft import InsufficientDataError, Library, rotations
 from mograft.body.anatomy import feature_joints
 from mograft.evaluation import RandomLength, grafts_by
 from mograft.evaluation.body_tracks import BodyTracks
-from mograft.evaluation.novelty import body_windows, captured_windows, nearest_distances, novelty
+from mograft.evaluation.novelty import body_windows, captured_windows, novelty
 from mograft.evaluation.quality import angular_derivatives, quality
 from tests.evaluation.planted import copy_base, grafts_of_clips
-from tests.strategies import SEEDS
 
 
 def test_novelty_of_captured_motion_is_none(library):
@@ -61,22 +60,13 @@ def test_novelty_equal_grafts_have_no_difference(library):
 
 def test_captured_windows_scale_equals_all_pairs(library):
     reference = captured_windows(library, 0)
-    rows, centers, clips = [], [], []
-    for index, clip in enumerate(library.clips):
-        own, center = body_windows(BodyTracks.of(clip))
-        rows.append(own)
-        centers += center.tolist()
-        clips += [index] * len(center)
-    windows = np.concatenate(rows)
+    found = [body_windows(BodyTracks.of(clip)) for clip in library.clips]
+    windows, centers = map(np.concatenate, zip(*found, strict=True))
     np.testing.assert_array_equal(reference.windows, windows)
-    nearest = []
-    for i in range(len(windows)):
-        distances = [
-            np.linalg.norm(windows[i] - windows[j])
-            for j in range(len(windows))
-            if clips[i] != clips[j] or abs(centers[i] - centers[j]) >= 1.5 * library.rate
-        ]
-        nearest.append(min(distances))
+    clips = np.repeat(np.arange(len(found)), [len(own) for own, _ in found])
+    is_far = np.abs(centers[:, None] - centers) >= 1.5 * library.rate
+    distances = np.linalg.norm(windows[:, None] - windows, axis=2)
+    nearest = np.where(is_far | (clips[:, None] != clips), distances, np.inf).min(axis=1)
     assert reference.scale == pytest.approx(np.median(nearest))
 
 
@@ -85,15 +75,6 @@ def test_body_windows_distance_is_root_mean_square_of_points(library):
     moved = replace(tracks, points=tracks.points + np.array([0.03, 0.0, 0.04]))
     (first, _), (second, _) = body_windows(tracks), body_windows(moved)
     assert np.linalg.norm(first - second, axis=1) == pytest.approx(np.full(len(first), 0.05))
-
-
-@given(SEEDS)
-def test_nearest_distances_equal_all_pairs(seed):
-    rng = np.random.default_rng(seed)
-    rows, others = rng.normal(size=(7, 3)), rng.normal(size=(5, 3))
-    expected = np.linalg.norm(rows[:, None] - others, axis=2).min(axis=1)
-    assert nearest_distances(rows, others) == pytest.approx(expected)
-    assert np.isinf(nearest_distances(rows, others[:0])).all()
 
 
 def test_novelty_short_clip_raises_insufficient_data_error(library):

@@ -2,13 +2,12 @@
 
 import json
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import mograft as mg
-from lab.donors.methods import ByCost, makers
+from lab.donors.methods import ByCost
 from mograft import Library, read_bvh, write_bvh
 from mograft._util import extras
 from mograft.cli import main
@@ -29,11 +28,6 @@ pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 METHODS = (RandomLength(), ByCost())
 
 
-@pytest.fixture
-def library(small_library):
-    return small_library
-
-
 def find_estimates(value):
     """Yield all dicts of estimates in a JSON document."""
     if isinstance(value, dict):
@@ -50,7 +44,7 @@ def test_as_dict_all_estimates_have_sample_size_and_interval(evaluation):
     document = json.loads(json.dumps(evaluation.as_dict(), allow_nan=False))
     assert document["schema"] == "mograft.evaluation/1"
     estimates = list(find_estimates(document))
-    assert len(estimates) > 60
+    assert len(estimates) > 50
     for found in estimates:
         assert found["n"] >= 0
         assert found["of"]
@@ -60,28 +54,18 @@ def test_as_dict_all_estimates_have_sample_size_and_interval(evaluation):
             assert low <= high
 
 
-def test_as_dict_balance_has_rows_of_all_methods_and_rules(evaluation):
+def test_as_dict_balance_has_rows_of_all_methods_and_kinds(evaluation):
     rows = evaluation.as_dict()["balance"]
     assert {row["method"] for row in rows} == {"recording", *(m.name for m in METHODS)}
-    assert {(row["kind"], row["rule"]) for row in rows} == {
-        (kind, rule) for kind in ("static", "dynamic") for rule in ("all", "majority", "any")
-    }
+    assert {row["kind"] for row in rows} == {"static", "dynamic"}
     for row in rows:
         if row["method"] == "recording":
             assert row["difference_changed"]["value"] == 0
 
 
-def test_evaluate_same_seed_gives_same_document(library, evaluation):
-    topics = ("balance", "quality")
-    again = evaluate(library, topics, methods=makers(METHODS), runs=2, bases=1, seed=1).as_dict()
-    expected = evaluation.as_dict()
-    for topic in topics:
-        assert again[topic] == expected[topic]
-
-
-def test_evaluate_without_methods_measures_the_grafts_of_graft_many(library):
-    found = evaluate(library, ["quality"], runs=2, bases=1)
-    grafts = list(mg.graft_many(library, library.names[0], 2))
+def test_evaluate_without_methods_measures_the_grafts_of_graft_many(small_library):
+    found = evaluate(small_library, ["quality"], runs=2, bases=1)
+    grafts = list(mg.graft_many(small_library, small_library.names[0], 2))
     assert found.quality == (quality("grafts", [grafts]),)
     assert found.parameters["ways"] == ["grafts"]
 
@@ -104,9 +88,9 @@ def test_measures_without_grafts_raise_insufficient_data_error(measure, grafts):
         ({"bases": 0}, "`bases` must be a whole number of at least 1"),
     ],
 )
-def test_evaluate_invalid_argument_raises_value_error(library, arguments, message):
+def test_evaluate_invalid_argument_raises_value_error(small_library, arguments, message):
     with pytest.raises(ValueError, match=message):
-        evaluate(library, **arguments)
+        evaluate(small_library, **arguments)
 
 
 def test_evaluate_skeleton_without_legs_omits_measures_of_feet():
@@ -129,18 +113,6 @@ def test_evaluate_few_windows_refuses_detectability_only():
     assert "windows" in found.refusals["detectability"]
     assert found.detectability == ()
     assert found.balance
-
-
-def test_evaluate_mostly_flight_counts_flight_separately(library):
-    clip = library.clips[0]
-    positions = clip.positions.copy()
-    positions[30:, 0, 1] += 500.0
-    flying = replace(clip, positions=positions, channel_values=None)
-    with pytest.warns(UserWarning, match="jump"):
-        found = evaluate(Library.build(flying), ["balance"], methods=makers((ByCost(),)), runs=1)
-    rows = {row.method: row for row in found.balance if row.rule == "all"}
-    assert rows["recording"].flight > 0.5
-    assert rows["recording"].rate.n < len(found.library.segments)
 
 
 def test_evaluation_page_has_all_sections_and_no_script(evaluation):
@@ -182,22 +154,9 @@ def test_command_with_output_writes_document_and_page(files, tmp_path, capsys):
         written.append([path.read_bytes() for path in sorted(out.iterdir())])
     assert written[0] == written[1]
     capsys.readouterr()
-    assert main([*counts, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == json.loads(written[0][0])
-
-
-def test_command_library_prints_same_document_as_files(files, tmp_path, capsys):
     Library.index(files, tmp_path / "lib")
-    options = ["quality", "balance", "--runs", "1", "--bases", "1", "--json"]
-    documents = []
-    for inputs in (files, [str(tmp_path / "lib")]):
-        assert main(["evaluate", *inputs, *options]) == 0
-        documents.append(json.loads(capsys.readouterr().out))
-    assert documents[0] == documents[1]
-    for option in (["--rate", "15"], ["--groups", "lower_upper"], ["--preset", "paper"]):
-        with pytest.raises(SystemExit, match="2"):
-            main(["evaluate", str(tmp_path / "lib"), *option])
-        assert "is fixed when a library is created" in capsys.readouterr().err
+    assert main(["evaluate", str(tmp_path / "lib"), "balance", "--runs", "1", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads(written[0][0])
 
 
 def test_command_file_named_like_topic_is_read_as_file(files, tmp_path, monkeypatch, capsys):

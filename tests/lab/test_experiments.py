@@ -6,7 +6,6 @@ import re
 import shutil
 import tarfile
 from dataclasses import fields, replace
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -22,7 +21,6 @@ from lab.__main__ import SECTIONS, main
 from lab.baselines.augmentation import N_COPIES, SCHEMES, LabelledClips, swap_sides
 from lab.experiments import (
     balance,
-    cache,
     constants,
     editing,
     learning,
@@ -72,15 +70,6 @@ def test_sources_of_different_use_share_no_file(tmp_path):
     assert not test & development
 
 
-def test_cache_returns_what_was_written_for_the_same_version_only(tmp_path):
-    store, value = cache.Cache(tmp_path), {"value": [1.5, None]}
-    store.write("retrieval", "salsa A", "aa-11-full", value)
-    read = partial(store.read, "retrieval", "salsa A")
-    assert read("aa-11-full") == read("bb-11-full", is_any_version=True) == value
-    assert read("bb-11-full") is read("bb-22-full", is_any_version=True) is None
-    assert store.read("retrieval", "salsa B", "aa-11-full") is None
-
-
 def test_every_experiment_writes_its_tables(tmp_path):
     refusals = run.write_tables(run.measure_tiny(), {"salsa A": [1, 2, 3]}, tmp_path)
     written = {path.stem.split("-")[0] for path in tmp_path.glob("*.csv")}
@@ -105,20 +94,6 @@ def test_stale_results_are_named_and_marked_in_their_figures(tmp_path):
     assert run.stale_experiments(tmp_path) == {"seams", codes[0][0]}
     marked = {name for name, text in figures.draw_all(tmp_path) if figures.STALE in text}
     assert marked == {"seams", codes[0][0]}
-
-
-def test_version_of_the_code_ignores_comments_and_docstrings(tmp_path):
-    texts = {
-        "first": 'def f():\n    """Text."""\n    return 1  # note\n',
-        "prose": 'def f():\n    """Other words."""\n    return 1\n',
-        "other": "def f():\n    return 2\n",
-    }
-    for name, text in texts.items():
-        (tmp_path / name).write_text(text, encoding="utf-8")
-    first, prose, other = (
-        cache.code_version(SimpleNamespace(__file__=tmp_path / name)) for name in texts
-    )
-    assert first == prose != other
 
 
 @given(st.floats(-2, 2), st.floats(0, 2), st.floats(0.01, 1))
@@ -168,11 +143,11 @@ def test_balance_pair_is_the_mean_over_segments_that_both_exchange(seed, n_runs,
         states = rng.choice([0.0, 1.0, np.nan], (n_runs + 1, n_segments))
         changed = rng.random((n_runs, n_segments)) < 0.7
         cut = np.arange(n_segments)
-        return SimpleNamespace(states=lambda _: states, changed=changed, cut=cut)
+        return SimpleNamespace(states=lambda: states, changed=changed, cut=cut)
 
     first, second = draw(), draw()
     differences = [
-        first.states("all")[run, k] - second.states("all")[run, k]
+        first.states()[run, k] - second.states()[run, k]
         for run in range(n_runs)
         for k in range(n_segments)
         if first.changed[run, k] and second.changed[run, k]
@@ -226,10 +201,6 @@ def test_refused_study_is_listed_with_the_reason(tmp_path):
     results = {"pairs": {"power": {"refused": "too few"}}}
     assert run.write_tables(results, {}, tmp_path) == [("pairs", "power", "too few")]
     assert not (tmp_path / "pairs-power.csv").exists()
-
-
-def test_unknown_section_is_refused_with_the_known_ones():
-    assert "seams" in main(["nothing"])
 
 
 @pytest.mark.parametrize("topics", [FEW_TOPICS, ALL_TOPICS], ids=len)

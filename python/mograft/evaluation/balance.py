@@ -22,9 +22,6 @@ from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.synthesis.graft_result import Graft
 
-Rule = Literal["all", "majority", "any"]
-RULES: tuple[Rule, ...] = ("all", "majority", "any")
-
 _DEGENERATE_MARGIN = 0.01  # distance, in heights, from a point or line of support that is inside
 _SMOOTHING_SECONDS = 0.2
 
@@ -52,37 +49,27 @@ class Balance:
     grounded: BoolArray
     model: str
 
-    def classify(self, cut: Segments, rule: Rule = "all") -> tuple[BoolArray, BoolArray]:
+    def classify(self, cut: Segments) -> tuple[BoolArray, BoolArray]:
         """Classify segments as balanced, unbalanced or in flight.
 
         Parameters
         ----------
         cut : Segments
             Segments of the motion.
-        rule : {"all", "majority", "any"}
-            A segment is unbalanced if the reference point is outside of the support polygon in
-            all, in more than half, or in any of its grounded frames. The paper does not state its
-            rule; its numbers are closest to "all".
 
         Returns
         -------
         unbalanced, flight : ndarray of bool, shape (n_segments,)
-            Unbalanced segments, and segments without a grounded frame, which are not unbalanced.
-
-        Raises
-        ------
-        ValueError
-            If `rule` is unknown.
+            Segments with the reference point outside of the support polygon in all grounded
+            frames, and segments without a grounded frame, which are not unbalanced. The paper does
+            not state its rule.
         """
-        if rule not in RULES:
-            raise ValueError(f"`rule` must be one of {', '.join(RULES)}, got {rule!r}")
         is_outside = self.grounded & (np.where(self.grounded, self.distance, 0.0) > 0)
         sums = np.cumsum([is_outside, self.grounded], axis=1)
         sums = np.concatenate([np.zeros((2, 1), np.int64), sums], axis=1)
         n_outside, n = sums[:, cut.stop + 1] - sums[:, cut.start]
         flight = n == 0
-        limit = {"all": n, "majority": n // 2 + 1, "any": np.ones_like(n)}[rule]
-        return (n_outside >= limit) & ~flight, flight
+        return (n_outside == n) & ~flight, flight
 
 
 def static_balance(
@@ -238,13 +225,13 @@ class BalanceSample:
     grafts: Sequence[Balance]
     changed: BoolArray
 
-    def states(self, rule: Rule) -> FloatArray:
+    def states(self) -> FloatArray:
         """Return 1 for unbalanced segments, 0 for balanced ones and NaN for those in flight.
 
         The array has a row for each graft, followed by that of the base: shape
         (n_runs + 1, n_segments).
         """
-        found = [own.classify(self.cut, rule) for own in (*self.grafts, self.original)]
+        found = [own.classify(self.cut) for own in (*self.grafts, self.original)]
         return np.stack([np.where(flight, np.nan, unbalanced) for unbalanced, flight in found])
 
 
@@ -277,12 +264,12 @@ class BalancedBase:
 
 @dataclass(frozen=True)
 class BalanceRow(Record):
-    """Shares of unbalanced segments in the grafts of one method, by one rule.
+    """Shares of unbalanced segments in the grafts of one method.
 
     Attributes
     ----------
-    kind, rule : str
-        "static" or "dynamic", and "all", "majority" or "any"; see `Balance`.
+    kind : str
+        "static" or "dynamic"; see `Balance`.
     method : str
         Name of the method that selected the donors, or "recording".
     rate : Estimate
@@ -297,7 +284,6 @@ class BalanceRow(Record):
     """
 
     kind: str
-    rule: str
     method: str
     rate: Estimate
     rate_changed: Estimate
@@ -306,7 +292,7 @@ class BalanceRow(Record):
     runs: int
 
 
-def balance_row(method: str, samples: Sequence[BalanceSample], rule: Rule = "all") -> BalanceRow:
+def balance_row(method: str, samples: Sequence[BalanceSample]) -> BalanceRow:
     """Compare the balance of grafts with that of their bases, segment by segment.
 
     Parameters
@@ -315,8 +301,6 @@ def balance_row(method: str, samples: Sequence[BalanceSample], rule: Rule = "all
         Name of the method that selected the donors.
     samples : sequence of BalanceSample
         Balance of each base and of its grafts. All bases have the same number of grafts.
-    rule : {"all", "majority", "any"}
-        As for `Balance.classify`.
 
     Returns
     -------
@@ -329,7 +313,7 @@ def balance_row(method: str, samples: Sequence[BalanceSample], rule: Rule = "all
     InsufficientDataError
         If every segment is in flight.
     """
-    states = np.concatenate([sample.states(rule) for sample in samples], axis=1)
+    states = np.concatenate([sample.states() for sample in samples], axis=1)
     values, before = states[:-1], states[-1]
     is_grounded = np.isfinite(values)
     if not is_grounded.any():
@@ -349,4 +333,4 @@ def balance_row(method: str, samples: Sequence[BalanceSample], rule: Rule = "all
         ),
     }
     kind, flight = samples[0].original.kind, float(1.0 - is_grounded.mean())
-    return BalanceRow(kind=kind, rule=rule, method=method, flight=flight, runs=len(values), **rates)
+    return BalanceRow(kind=kind, method=method, flight=flight, runs=len(values), **rates)

@@ -12,7 +12,7 @@ from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.validate import as_integer
 from mograft.body.mass import mass_model
 from mograft.errors import InsufficientDataError
-from mograft.evaluation.balance import BALANCES, RULES, BalancedBase, BalanceRow, balance_row
+from mograft.evaluation.balance import BALANCES, BalancedBase, BalanceRow, balance_row
 from mograft.evaluation.detectability import Detectability, detectability
 from mograft.evaluation.estimate import as_json
 from mograft.evaluation.quality import Quality, quality
@@ -51,7 +51,7 @@ class Evaluation:
     detectability : tuple of Detectability
         Detectability for each method, with null comparisons.
     balance : tuple of BalanceRow
-        Balance for each method and rule, and for the recording.
+        Static and dynamic balance for each method, and for the recording.
     refusals : dict of str to str
         Reasons why a topic, a part of a topic or a method could not be measured, by its name.
     parameters : dict
@@ -204,7 +204,7 @@ def _balance_rows(
     grafts: Sequence[Sequence[Graft]] | None,
     refusals: dict[str, str],
 ) -> list[BalanceRow]:
-    """Return the balance of one method, by kind and rule; `grafts` is None for the recording."""
+    """Return the balance of one method, by kind; `grafts` is None for the recording."""
     rows = []
     # The donors may allow fewer different grafts of a base than requested.
     count = None if grafts is None else min(map(len, grafts))
@@ -213,7 +213,6 @@ def _balance_rows(
             base.sample(kind, None if grafts is None else grafts[position][:count])
             for position, base in enumerate(bases)
         ]
-        for rule in RULES:
-            with _recorded_refusal(refusals, f"{kind} balance"):
-                rows.append(balance_row(method, samples, rule))
+        with _recorded_refusal(refusals, f"{kind} balance"):
+            rows.append(balance_row(method, samples))
     return rows

@@ -47,7 +47,7 @@ def summarize(evaluation: Evaluation) -> list[str]:
             f"of other moments, the AUC of the first classifier is {null.text(2)}."
         )
     for balance in evaluation.balance:
-        if (balance.kind, balance.rule) != ("static", "all"):
+        if balance.kind != "static":
             continue
         change = balance.difference_changed.text(1, 100, " points")
         sentences.append(
@@ -204,9 +204,17 @@ def _detectability_section(rows: Sequence[Detectability]) -> list[str]:
 
 
 def _balance_section(evaluation: Evaluation) -> list[str]:
-    head = ["method", "rule", "unbalanced", "of changed", "change, points", "flight", "runs", "n"]
-    order = [(row.kind, row.rule) for row in evaluation.balance]
-    rows = sorted(evaluation.balance, key=lambda row: order.index((row.kind, row.rule)))
+    head = [
+        "method",
+        "balance",
+        "unbalanced",
+        "of changed",
+        "change, points",
+        "flight",
+        "runs",
+        "n",
+    ]
+    rows = sorted(evaluation.balance, key=lambda row: row.kind, reverse=True)
     model, masses = mass_model(evaluation.library.skeleton), "has the masses of de Leva"
     if model.model != "de Leva":
         masses = (
@@ -217,9 +225,8 @@ def _balance_section(evaluation: Evaluation) -> list[str]:
     unknown = f" Joints with unknown names: {unmatched}." if unmatched else ""
     return _section(
         "Balance",
-        f"The body model {masses}.{unknown} The rule states in which frames with a foot on the "
-        "floor the reference point must be outside of the hull of the soles for a segment to "
-        "be unbalanced: in all, in the majority or in any of them. The reference point of "
+        f"The body model {masses}.{unknown} A segment is unbalanced if the reference point is "
+        "outside of the hull of the soles in all frames with a foot on the floor. That of "
         "static balance is the projected centre of mass, that of dynamic balance is the "
         "zero-moment point. The change is paired: it compares changed segments with the same "
         "segments of the recording. An unbalanced segment is not necessarily unnatural: "
@@ -233,5 +240,5 @@ def _balance_cells(row: BalanceRow) -> list[str]:
     if row.method != "recording":
         changed, difference = row.rate_changed, row.difference_changed
         change, n = [changed.text(1, 100, " %"), difference.text(1, 100)], difference.n
-    cells = [html.escape(row.method), f"{row.kind}, {row.rule}", row.rate.text(1, 100, " %")]
+    cells = [html.escape(row.method), row.kind, row.rate.text(1, 100, " %")]
     return [*cells, *change, f"{100 * row.flight:.0f} %", str(row.runs), str(n)]
