@@ -1,4 +1,4 @@
-"""Sums, eigenvectors, runs and percentiles equal their definitions, whatever the threads."""
+"""Sums, eigenvectors and runs equal their definitions, whatever the threads."""
 
 from fractions import Fraction
 from itertools import groupby
@@ -7,10 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
-from mograft._util import high_percentile
-from mograft._util.high_percentile import HighPercentile
 from mograft._util.linalg import GRID, eigenvectors, product, round_to_grid
 from mograft._util.runs import dilate, find_runs
 from tests.strategies import SEEDS
@@ -113,34 +110,3 @@ def test_dilate_marks_positions_within_the_distance(mask, steps):
     before = mask.copy()
     assert dilate(mask, steps).tolist() == expected
     np.testing.assert_array_equal(mask, before)
-
-
-MATRICES = hnp.arrays(
-    np.float64,
-    st.tuples(st.integers(1, 200), st.integers(1, 3)),
-    elements=st.one_of(st.integers(0, 3).map(float), st.floats(-1e3, 1e3)),
-)
-
-
-@given(
-    MATRICES,
-    st.sampled_from([50.0, 90.0, 99.0, 99.9, 100.0]),
-    st.lists(st.tuples(st.integers(-9, 210), st.integers(-9, 210)), min_size=1, max_size=4),
-    st.integers(0, 250),
-    st.data(),
-)
-def test_percentile_without_rows_equals_that_of_remaining_rows(
-    values, percentile, ranges, slack, data
-):
-    columns = data.draw(st.permutations(range(values.shape[1])))[:2]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(high_percentile, "SLACK", slack)
-        found = HighPercentile(values, percentile)
-        for first, stop in ranges:
-            rows = np.arange(len(values))
-            rest = values[(rows < first) | (rows >= stop)][:, columns]
-            result = found.without(first, stop, np.array(columns))
-            if not len(rest):
-                assert result is None
-                continue
-            np.testing.assert_array_equal(result, np.percentile(rest, percentile, axis=0))

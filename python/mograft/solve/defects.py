@@ -11,7 +11,6 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.containers import remember
-from mograft._util.high_percentile import HighPercentile
 from mograft._util.runs import dilate
 from mograft.body.anatomy import anatomy, feature_joints
 from mograft.body.contacts import Ground
@@ -193,11 +192,12 @@ class DefectMeasure:
         limits = np.zeros(len(joints))
         for donor in np.unique(donors).tolist():
             segment = library.segments[donor : donor + 1]
-            percentile = self._jerk_percentile(self.problem.sized_clip(int(segment.clip[0])))
+            jerk = self._clip_jerk(self.problem.sized_clip(int(segment.clip[0])))[:, joints]
             # A third difference reaches from one step before to two behind.
             first, last = int(segment.start[0]) - 2 * step, int(segment.stop[0]) + step
-            percentiles = percentile.without(first, last + 1, joints)
-            if percentiles is not None:
+            others = np.delete(jerk, slice(max(first, 0), last + 1), axis=0)
+            if len(others):
+                percentiles = np.percentile(others, _PERCENTILE, axis=0)
                 limits = np.maximum(limits, MAX_JERK_RATIO * percentiles)
         return limits
 
@@ -206,11 +206,6 @@ class DefectMeasure:
         joints, step = self._driven_joints, self._step
         key = ("jerk", joints.tobytes(), step)
         return remember(clip, key, lambda: world_jerk(clip, joints, step))
-
-    def _jerk_percentile(self, clip: Motion) -> HighPercentile:
-        """Return the `_PERCENTILE` of world jerk in a recording."""
-        key = ("high jerk", self._driven_joints.tobytes(), self._step)
-        return remember(clip, key, lambda: HighPercentile(self._clip_jerk(clip), _PERCENTILE))
 
     @cached_property
     def _step(self) -> int:
