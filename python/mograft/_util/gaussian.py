@@ -12,15 +12,10 @@ def gaussian_filter(values: FloatArray, sigma: float) -> FloatArray:
     copy of the curve is returned. The result is that of
     ``scipy.ndimage.gaussian_filter1d(values, sigma, mode="reflect", truncate=4)``.
     """
-    kernel = gaussian_kernel(sigma)
+    curve, kernel = as_floats("values", values, ("n",)), gaussian_kernel(sigma)
     if len(kernel) == 1:
-        return as_floats("values", values, ("n",)).copy()
-    curve, radius = as_floats("values", values, ("n",)), len(kernel) // 2
-    if radius <= len(curve):  # ten times as fast as `np.pad`
-        padded = np.concatenate([curve[:radius][::-1], curve, curve[-radius:][::-1]])
-    else:
-        padded = np.pad(curve, radius, mode="symmetric")
-    return np.convolve(padded, kernel, mode="valid")
+        return curve.copy()
+    return np.convolve(np.pad(curve, len(kernel) // 2, mode="symmetric"), kernel, mode="valid")
 
 
 def gaussian_filter_columns(curves: FloatArray, sigma: float) -> FloatArray:

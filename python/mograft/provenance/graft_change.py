@@ -149,11 +149,9 @@ def apply_changes(graft: Graft, problem: SearchProblem, changes: Sequence[Change
 def plan_of(graft: Graft, constraints: Sequence[Constraint]) -> GraftPlan:
     """Return the plan of a graft with other constraints."""
     library, scenario = graft.library, graft.request.scenario
-    groups = list(graft.alternatives)
-    if scenario is not None:
-        return GraftPlan.build(library, None, groups, constraints, scenario)
-    clip = int(library.segments.clip[graft.substitutions[0].segment])
-    return GraftPlan.build(library, clip, groups, constraints)
+    first = graft.substitutions[0].segment
+    base = int(library.segments.clip[first]) if scenario is None else None
+    return GraftPlan.build(library, base, list(graft.alternatives), constraints, scenario)
 
 
 def _choose(

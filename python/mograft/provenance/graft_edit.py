@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray
+from mograft._util.arrays import BoolArray, IntArray
 from mograft._util.runs import dilate, find_runs
 from mograft._util.validate import as_integer
 from mograft.blend.recombine import splice
@@ -16,7 +16,7 @@ from mograft.motion.motion import Motion
 from mograft.provenance.graft_change import apply_changes, check_whole, is_among, plan_of, unchanged
 from mograft.search.constraint_records import UnrestoredConstraint
 from mograft.search.constraints import Constraint, overlaps
-from mograft.search.donor_constraints import Ban, DonorReference, KeepOriginal, Use
+from mograft.search.donor_constraints import Ban, KeepOriginal, Use
 from mograft.search.pose_constraints import Reach
 from mograft.search.trellis import DonorSequences
 from mograft.solve.assembly import Assembly
@@ -193,10 +193,11 @@ def _with_present_donors(
             rules.append(edit)
             continue
         for row, position in np.argwhere(position_masks([edit], problem)).tolist():
-            group = groups[row]
+            group, donor = groups[row], int(graft.donors[groups[row]][position])
             n_banned += 1
-            if (problem.candidates[group][position] != graft.donors[group][position]).any():
-                rules.append(_ban_present(graft, problem, group, position))
+            if (problem.candidates[group][position] != donor).any():
+                is_captured = donor == problem.scenario[position]
+                rules.append(Ban(position, None if is_captured else donor, group=group))
             else:
                 n_alone += 1
     if n_alone:
@@ -206,19 +207,6 @@ def _with_present_donors(
             stacklevel=3,
         )
     return rules
-
-
-def _ban_present(graft: Graft, problem: SearchProblem, group: str, position: int) -> Ban:
-    """Return the constraint that excludes the present donor of a segment."""
-    cut, library = problem.base_segments, graft.library
-    span = (int(cut.start[position]), int(cut.stop[position]))
-    donor = int(graft.donors[group][position])
-    reference: DonorReference | None = None
-    if donor != problem.scenario[position]:
-        segments = library.segments
-        clip = library.entries[segments.clip[donor]].name
-        reference = (clip, int(segments.start[donor]), int(segments.stop[donor]))
-    return Ban(frames=span, donor=reference, group=group)
 
 
 def position_masks(constraints: Sequence[Constraint], problem: SearchProblem) -> BoolArray:
@@ -256,6 +244,17 @@ def remaining_constraints(
     return kept
 
 
+def replace_candidates(
+    plan: GraftPlan, choose: Callable[[str, int, IntArray], IntArray]
+) -> GraftPlan:
+    """Return a plan with `choose(group, position, candidates)` in place of all candidates."""
+    candidates = {
+        group: [choose(group, position, own) for position, own in enumerate(lists)]
+        for group, lists in plan.problem.candidates.items()
+    }
+    return replace(plan, problem=replace(plan.problem, candidates=candidates))
+
+
 def choose_again(
     graft: Graft,
     plan: GraftPlan,
@@ -268,17 +267,10 @@ def choose_again(
     They are those of `is_open`, shape (n_groups, n_segments). `choose` replaces the choice of the
     configuration and self-repair.
     """
-    before, is_free_of = graft.donors, dict(zip(plan.pools, is_open, strict=True))
-    candidates = {
-        group: [
-            own if is_free else np.array([donor])
-            for own, is_free, donor in zip(
-                lists, is_free_of[group].tolist(), before[group].tolist(), strict=True
-            )
-        ]
-        for group, lists in plan.problem.candidates.items()
-    }
-    restricted = replace(plan, problem=replace(plan.problem, candidates=candidates))
+    before, is_free = graft.donors, dict(zip(plan.pools, is_open, strict=True))
+    restricted = replace_candidates(
+        plan, lambda group, at, own: own if is_free[group][at] else before[group][[at]]
+    )
     if choose is None:
         (chosen,) = restricted.choose_donors(1, seed)
         assembly, repairs = restricted.assemble(chosen, graft.motion.name)

@@ -281,9 +281,8 @@ def _present_source(record: GraftRecord, source: str) -> str:
     parts = tuple(own for own in Path(os.path.normpath(path)).parts if own != os.pardir)
     for file in (own.file for own in record.clips if own.file and parts):
         place = Path(os.path.abspath(record.folder / file))
-        found = (own for own in (place, *place.parents) if own.parts[-len(parts) :] == parts)
-        for own in found:
-            if own.exists():
+        for own in (place, *place.parents):
+            if own.parts[-len(parts) :] == parts and own.exists():
                 return join_address(str(own), pattern)
     if clip is None:
         raise record.error(f"{source} is missing: give the library, or all of its files")

@@ -16,6 +16,7 @@ from mograft.provenance.graft_edit import (
     position_masks,
     remaining_changes,
     remaining_constraints,
+    replace_candidates,
     violating_positions,
 )
 from mograft.search.constraints import Constraint, Span
@@ -53,14 +54,13 @@ def regenerate(graft: Graft, ranges: Ranges, seed: int, *, locked: Ranges = ()) 
     ]
     kept = remaining_constraints(graft.request.constraints, rules, problem)
     plan = plan_of(graft, kept)
-    candidates = {
-        group: [
-            _without(own, donor) if is_free else own
-            for own, donor, is_free in zip(lists, graft.donors[group], free, strict=True)
-        ]
-        for (group, lists), free in zip(plan.problem.candidates.items(), is_open, strict=True)
-    }
-    plan = replace(plan, problem=replace(plan.problem, candidates=candidates))
+    is_free = dict(zip(groups, is_open, strict=True))
+
+    def without_present(group: str, position: int, candidates: IntArray) -> IntArray:
+        others = candidates[candidates != graft.donors[group][position]]
+        return others if is_free[group][position] and len(others) else candidates
+
+    plan = replace_candidates(plan, without_present)
     new = choose_again(graft, plan, is_open, seed)
     return apply_changes(new, plan.problem, remaining_changes(changes, plan.problem, is_open))
 
@@ -69,12 +69,6 @@ def select_positions(problem: SearchProblem, ranges: Ranges) -> BoolArray:
     """Return the positions that ranges of frames of groups select, (n_groups, n_segments)."""
     rules = [KeepOriginal(frames=frames, group=group) for group, frames in ranges]
     return position_masks(rules, problem)
-
-
-def _without(candidates: np.ndarray, donor: int) -> np.ndarray:
-    """Return candidates without a donor, unless it is the only one."""
-    others: np.ndarray = candidates[candidates != donor]
-    return others if len(others) else candidates
 
 
 def constrain(

@@ -92,14 +92,11 @@ def replay(
     if library is not None:
         check_type("library", library, Library)
     if config is not None:
-        fixed = [
-            name
-            for stage, names in record.config.changed_fields(config).items()
-            for name in names
-            if stage != "blend"
-        ]
-        if fixed:
-            raise ValueError(f"`config` must differ in fields of blending only, got {fixed[0]}")
+        changed = record.config.changed_fields(config)
+        changed.pop("blend", None)
+        if changed:
+            name = next(iter(changed.values()))[0]
+            raise ValueError(f"`config` must differ in fields of blending only, got {name}")
         record = replace(record, config=config)
     try:
         return _replay(record, library, sources)
