@@ -42,34 +42,6 @@ def write_bvh(path, header, values):
             file.write(" ".join(repr(float(value)) for value in row) + "\n")
 
 
-def format_hierarchy(skeleton):
-    """Return the text of a hierarchy, joint by joint, with numbers as `repr` writes them."""
-
-    def format_node(title, offset, depth, channels, below):
-        tab = "\t" * min(depth, 40)
-        lines = [tab + title, tab + "{", f"{tab}\tOFFSET {' '.join(map(repr, offset.tolist()))}"]
-        if channels is not None:
-            lines.append(" ".join([f"{tab}\tCHANNELS", str(len(channels)), *channels]))
-        lines += [line for item in below for line in format_item(item, depth + 1)]
-        return [*lines, tab + "}"]
-
-    def format_item(item, depth):
-        if isinstance(item, int):
-            title = ("JOINT " if item else "ROOT ") + skeleton.names[item]
-            own = [joint for joint, parent in enumerate(skeleton.parents) if parent == item]
-            sites = [site for site in skeleton.end_sites if site.parent == item]
-            below = []
-            for rank, child in enumerate(own):
-                below += [site for site in sites if site.before == rank]
-                below.append(child)
-            below += [site for site in sites if site.before >= len(own)]
-            return format_node(title, skeleton.offsets[item], depth, skeleton.channels[item], below)
-        title = f"End Site {item.name}".rstrip(" ")
-        return format_node(title, item.offset, depth, None, [])
-
-    return "\n".join(["HIERARCHY", *format_item(0, 0), ""])
-
-
 def to_transforms(channels, offsets, values):
     """Return the local rotations (F, J, 4) and positions (F, J, 3) of channel values."""
     rotations, positions = [], []

@@ -2,18 +2,19 @@
 
 The chain up to the sets of donors: energy, boundaries, groups, features, principal components,
 complete linkage (that of SciPy), threshold, candidates and gaps. It shares no code with mograft;
-rotations and curves are those of the other oracles.
+rotations, curves and standard steps are those of the other oracles.
 One reading was chosen after a comparison: mean rotations are those over the samples of all
 segments, not over all frames; with the other, a few pairs of segments change clusters.
 """
 
 import re
 from dataclasses import dataclass
-from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
-from scipy.cluster.hierarchy import fcluster, linkage
+from scipy.ndimage import gaussian_filter1d
 
+from tests.oracles import analysis
 from tests.oracles.rotations import inverse, log, multiply, resample, resample_positions
 
 SAMPLES = 10
@@ -102,27 +103,11 @@ def inertias(clip):
     return result
 
 
-def energy(clip):
-    world = clip.rotations.copy()
-    for j in range(1, len(clip.names)):
-        world[:, j] = multiply(world[:, clip.parents[j]], world[:, j])
-    between = log(multiply(world[1:], inverse(world[:-1]))) * clip.rate
-    speed = np.concatenate([between[:1], (between[1:] + between[:-1]) / 2, between[-1:]])
-    return (speed**2).sum(-1) @ inertias(clip) / 2
-
-
 def boundaries(clip):
     """First and last frame, and the extrema of the smoothed energy; of a plateau, the middle."""
-    sigma = SIGMA * clip.rate
-    radius = int(4 * sigma + 0.5)
-    kernel = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
-    smooth = np.convolve(
-        np.pad(energy(clip), radius, mode="symmetric"), kernel / kernel.sum(), mode="valid"
-    )
-    steps = np.diff(smooth)
-    moving = np.flatnonzero(np.abs(steps) > 1e-12 * smooth.max())
-    turns = [(a + 1 + b) // 2 for a, b in pairwise(moving) if steps[a] * steps[b] < 0]
-    return sorted({0, len(smooth) - 1, *(int(t) for t in turns)})
+    energy = analysis.kinetic_energy(clip.parents, clip.rotations, inertias(clip), 1.0 / clip.rate)
+    curve = gaussian_filter1d(energy, SIGMA * clip.rate)
+    return [0, *analysis.turning_points(curve), len(curve) - 1]
 
 
 def groups(clip):
@@ -153,10 +138,9 @@ def features(clips, segments, joints):
 
 def scores(rows):
     """Principal components of the correlation matrix."""
-    deviation = rows.std(axis=0, ddof=1)
-    kept = deviation >= 1e-9
-    z = (rows[:, kept] - rows[:, kept].mean(axis=0)) / deviation[kept]
-    return z @ np.linalg.svd(z, full_matrices=False)[2][: min(COMPONENTS, len(rows) - 1)].T
+    config = SimpleNamespace(rotation_floor=0.0, position_floor=0.0, length_floor=0.0)
+    config.components = min(COMPONENTS, len(rows) - 1)
+    return analysis.embed(rows, 0, config)
 
 
 def threshold(points):
@@ -165,20 +149,14 @@ def threshold(points):
 
 
 def clusters(points):
-    return fcluster(linkage(points, "complete"), threshold(points), "distance")
+    return analysis.cluster(points, threshold(points))
 
 
 def candidates(labels, lengths):
     """Return for each segment those in its cluster with a length within 15 percent, strictly."""
     lengths = np.asarray(lengths)
-    return [
-        set(
-            np.flatnonzero(
-                (labels == labels[i]) & (np.abs(lengths - n) / n < LENGTH_RATIO)
-            ).tolist()
-        )
-        for i, n in enumerate(lengths)
-    ]
+    fits = np.abs(lengths - lengths[:, None]) / lengths[:, None] < LENGTH_RATIO
+    return [set(np.flatnonzero(row).tolist()) for row in fits & (labels == labels[:, None])]
 
 
 def gap(clips, before, after, joints):

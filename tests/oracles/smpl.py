@@ -1,6 +1,7 @@
 """Forward kinematics of SMPL as its paper states it: rotation vectors, 4 by 4 matrices, a loop."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 # `kintree_table[0]` of SMPL-H; the face of SMPL-X comes before the fingers.
 BODY = [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19]
@@ -18,16 +19,6 @@ def fingers(first):
 PARENTS = {72: [*BODY, 20, 21], 156: [*BODY, *fingers(22)], 165: [*BODY, 15, 15, 15, *fingers(25)]}
 
 
-def rodrigues(vector):
-    """Return the matrix of a rotation vector."""
-    angle = np.linalg.norm(vector)
-    if angle == 0:
-        return np.eye(3)
-    x, y, z = vector / angle
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-
-
 def joints(poses, trans, rest):
     """Return joint positions (F, J, 3) from poses (F, 3 J) and rest positions `rest` (J, 3)."""
     parents = PARENTS[poses.shape[1]]
@@ -36,7 +27,7 @@ def joints(poses, trans, rest):
         world = []
         for joint, parent in enumerate(parents):
             local = np.eye(4)
-            local[:3, :3] = rodrigues(pose[3 * joint : 3 * joint + 3])
+            local[:3, :3] = Rotation.from_rotvec(pose[3 * joint : 3 * joint + 3]).as_matrix()
             local[:3, 3] = rest[joint] - (rest[parent] if parent >= 0 else 0)
             world.append(local if parent < 0 else world[parent] @ local)
             positions[frame, joint] = world[joint][:3, 3] + shift
