@@ -31,50 +31,32 @@ _FBX = Path(__file__).parents[1] / "python-fbx"
 def fetch():
     """Download the missing programs, and install mograft-fbx."""
     FETCHED.mkdir(exist_ok=True)
-    print(f"Khronos glTF validator: {_validator()}", flush=True)
-    print(f"axe-core: {_axe()}", flush=True)
+    print(f"Khronos glTF validator: {_npm('gltf-validator', NODE_MODULES, LOCKED)}", flush=True)
+    print(f"axe-core: {_npm('axe-core', AXE.parents[1], LOCKED.with_name('axe'))}", flush=True)
     print(f"Chromium: {_chromium()}", flush=True)
     print(f"mograft-fbx: {_fbx()}", flush=True)
 
 
-def _validator():
-    installed = NODE_MODULES / "gltf-validator" / "package.json"
-    if installed.exists():
-        version = json.loads(installed.read_text(encoding="utf-8"))["version"]
-        if version == locked_version() or FETCHED.resolve() not in NODE_MODULES.parents:
-            return f"{version} in {NODE_MODULES}"
-    npm = shutil.which("npm")
-    if npm is None or shutil.which("node") is None:
-        return "skipped: npm is not installed"
-    return install_locked(npm, FETCHED)
-
-
-def locked_version():
-    """Return the version of the glTF validator in the lock file."""
-    lock = json.loads((LOCKED / "package-lock.json").read_text(encoding="utf-8"))
-    return lock["packages"]["node_modules/gltf-validator"]["version"]
-
-
-def install_locked(npm, folder, source=LOCKED):
-    """Install the locked packages of a folder; return what was done.
+def _npm(package, modules, source):
+    """Install a package of the lock file in `source` into `modules`; return what was done.
 
     ``npm ci`` installs nothing if the hash of a download differs from the lock file.
     """
+    installed = modules / package / "package.json"
+    if installed.exists():
+        version = json.loads(installed.read_text(encoding="utf-8"))["version"]
+        lock = json.loads((source / "package-lock.json").read_text(encoding="utf-8"))
+        is_locked = version == lock["packages"][f"node_modules/{package}"]["version"]
+        if is_locked or FETCHED.resolve() not in modules.resolve().parents:
+            return f"{version} in {modules}"
+    npm, folder = shutil.which("npm"), modules.parent
+    if npm is None or shutil.which("node") is None:
+        return "skipped: npm is not installed"
+    folder.mkdir(exist_ok=True)
     for name in ("package.json", "package-lock.json"):
         shutil.copyfile(source / name, folder / name)
     words = [npm, "ci", "--prefix", str(folder), "--no-audit", "--no-fund", "--ignore-scripts"]
     return _run([*words, "--fetch-retries=1", "--fetch-timeout=30000"])
-
-
-def _axe():
-    if AXE.exists():
-        return str(AXE)
-    npm = shutil.which("npm")
-    if npm is None:
-        return "skipped: npm is not installed"
-    folder = FETCHED / "axe"
-    folder.mkdir(exist_ok=True)
-    return install_locked(npm, folder, Path(__file__).with_name("axe"))
 
 
 def _chromium():

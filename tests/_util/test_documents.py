@@ -8,9 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft._util.documents import MAX_LEVELS, MAX_TOML_CHARACTERS, parse_document
-from mograft.body.groups import JointGroups
-from mograft.cli import main
-from mograft.config import Config
 
 DOCUMENTS = st.recursive(
     st.none() | st.booleans() | st.integers(-(10**30), 10**30) | st.floats(allow_nan=False)
@@ -60,19 +57,3 @@ def test_parse_document_long_key_is_refused_before_it_is_parsed(depth, separator
 def test_parse_document_long_toml_raises():
     with pytest.raises(ValueError, match="at most 1048576 characters"):
         parse_document("#" * (MAX_TOML_CHARACTERS + 1), "TOML")
-
-
-@pytest.mark.parametrize("text", [f"{'.'.join('a' * 5000)} = 1", f"a = {'[' * 5000}{']' * 5000}"])
-def test_commands_with_deep_toml_print_one_line(tmp_path, monkeypatch, capsys, text):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mograft.toml").write_text(text)
-    assert main(["config", "show", "graft"]) == 1
-    assert "mograft.toml: expected at most 100 levels" in capsys.readouterr().err
-    with pytest.raises(ValueError, match="not valid TOML: expected at most 100 levels"):
-        JointGroups.from_toml(text + "\n")
-
-
-@pytest.mark.parametrize("name", ["max_candidates", "samples", "sigma_scale", "temperature"])
-def test_config_integer_of_hundreds_of_digits_raises(name):
-    with pytest.raises(ValueError, match=f"`{name}` must be at most 10"):
-        Config(**{name: 10**400})

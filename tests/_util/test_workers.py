@@ -61,13 +61,6 @@ def kill_while_sending(declared, sent):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def call_beside_another(function, *arguments):
-    """Call a function in a process while another process is busy for `LONG_SECONDS`."""
-    with worker_processes(2) as pool:
-        pool.submit(wait_long)
-        pool.submit(function, *arguments).result(LONG_SECONDS / 2)
-
-
 def test_workers_return_results_of_many_calls():
     with worker_processes(2) as pool:
         futures = [pool.submit(square, np.arange(n)) for n in range(50)]
@@ -91,19 +84,24 @@ def test_workers_raise_the_exceptions_of_calls_and_go_on():
         assert pool.submit(square, 3).result(LONG_SECONDS) == 9
 
 
-# A message has four bytes of length; the kill comes before, in and after these.
-@pytest.mark.parametrize("sent", [0, 2, 4, 60])
-def test_worker_killed_while_it_sends_a_result_raises_error(sent):
+# A message has four bytes of length; a kill comes before, in and after these.
+@pytest.mark.parametrize(
+    ("error", "message", "call"),
+    [
+        *(
+            (MograftError, "^a worker process was killed", (kill_while_sending, 100, sent))
+            for sent in (0, 2, 4, 60)
+        ),
+        (MograftError, "^a worker process was killed", (end_at_once,)),
+        (FormatError, "expected a motion", (raise_format_error,)),
+    ],
+)
+def test_worker_that_fails_raises_its_error_and_ends_running_calls(error, message, call):
     start = time.monotonic()
-    with pytest.raises(MograftError, match=r"^a worker process was killed"):
-        call_beside_another(kill_while_sending, 100, sent)
+    with pytest.raises(error, match=message), worker_processes(2) as pool:
+        (pool.submit(wait_long), pool.submit(*call))[1].result(LONG_SECONDS / 2)
     assert time.monotonic() - start < LONG_SECONDS / 2
     assert not multiprocessing.active_children()
-
-
-def test_worker_that_ends_itself_raises_error():
-    with pytest.raises(MograftError, match="a worker process was killed"):
-        call_beside_another(end_at_once)
 
 
 KILLED_WHILE_IT_STARTS_A_WORKER = """
@@ -130,11 +128,3 @@ def test_worker_of_a_process_that_was_killed_while_it_started_prints_nothing():
     # The pipe of stderr ends when the worker has ended.
     child = subprocess.run(words, capture_output=True, text=True, check=False)
     assert (child.returncode, child.stderr) == (-signal.SIGKILL, "")
-
-
-def test_exception_of_a_call_ends_running_calls():
-    start = time.monotonic()
-    with pytest.raises(FormatError, match="expected a motion"):
-        call_beside_another(raise_format_error)
-    assert time.monotonic() - start < LONG_SECONDS / 2
-    assert not multiprocessing.active_children()

@@ -29,6 +29,8 @@ from mograft.search.neighbourhoods import NEIGHBOURHOODS
         ({"distance_weight": float("inf")}, "`distance_weight` must be finite, got inf"),
         ({"sigma_scale": -1.0}, "`sigma_scale` must be above 0"),
         ({"sigma_scale": "auto"}, "`sigma_scale` must be a number"),
+        ({"temperature": 10**400}, r"`temperature` must be at most 10\^300, got a larger number"),
+        ({"samples": 10**16}, r"`samples` must be at most 10\^15"),
         ({"min_length": 2.0}, "`max_length` must be at least 4 s, twice `min_length`, got 2"),
         ({"max_angle": float("nan")}, "`max_angle` must be above 0, got nan"),
         ({"seam": "glue"}, "`seam` must be one of .*'offset'.*, got 'glue'"),

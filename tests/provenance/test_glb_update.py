@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -187,29 +186,21 @@ def test_write_graft_update_of_a_captured_animation_needs_force(copy, grafts):
     assert SourceFile.from_path(str(copy)).sha256 != before
 
 
-@pytest.mark.parametrize("step", ["write_bytes", "replace"])
-def test_write_graft_update_that_fails_leaves_the_old_file(copy, grafts, monkeypatch, step):
-    def fail(*_):
-        raise OSError(28, "No space left on device")
-
-    content = copy.read_bytes()
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, step, fail)
-        with pytest.raises(OSError, match="No space"):
-            mg.write_graft(grafts[0], copy, update=True)
-    assert copy.read_bytes() == content
-    assert not list(copy.parent.glob(".mograft*"))
-
-
 def test_write_graft_update_of_another_format_or_skeleton_raises(copy, grafts, tmp_path):
     with pytest.raises(ValueError, match=r"`path` must be a \.glb file with `update`"):
         mg.write_graft(grafts[0], tmp_path / "a.bvh", update=True)
     clip = mg.read(copy)[0]
     names = ["Tail" if name == "Head" else name for name in clip.skeleton.names]
-    other = replace(clip, skeleton=replace(clip.skeleton, names=names))
-    formats.write_glb(other, tmp_path / "other.glb")
-    with pytest.raises(mg.SkeletonMismatchError, match=r"unlike .*other\.glb; export each file by"):
-        mg.write_graft(grafts[0], tmp_path / "other.glb", update=True)
+    offsets = clip.skeleton.offsets.copy()
+    offsets[clip.skeleton.index("LeftLeg")] = np.roll(offsets[clip.skeleton.index("LeftLeg")], 1)
+    for change, message in (
+        ({"names": names}, r"unlike .*other\.glb; export each file by"),
+        ({"offsets": offsets}, "has another rest pose than"),
+    ):
+        other = replace(clip, skeleton=replace(clip.skeleton, **change))
+        formats.write_glb(other, tmp_path / "other.glb")
+        with pytest.raises(mg.SkeletonMismatchError, match=message):
+            mg.write_graft(grafts[0], tmp_path / "other.glb", update=True)
 
 
 def test_write_graft_paths_of_copied_grafts_are_relative_to_the_copy(copy, grafts, tmp_path):
@@ -303,16 +294,6 @@ def test_fit_motion_undoes_a_change_of_unit_and_axes(hero, turn, scale):
     places = motion.world_positions()
     height = np.ptp(places[..., 1])
     np.testing.assert_allclose(fitted.world_positions(), places, atol=1e-5 * height)
-
-
-def test_fit_motion_another_rest_pose_raises(hero):
-    motion = mg.read(hero)["a"]
-    offsets = motion.skeleton.offsets.copy()
-    thigh = motion.skeleton.index("LeftLeg")
-    offsets[thigh] = np.roll(offsets[thigh], 1)
-    other = replace(motion, skeleton=replace(motion.skeleton, offsets=offsets))
-    with pytest.raises(mg.SkeletonMismatchError, match="has another rest pose than"):
-        fit_motion(read_gltf_file(hero), other)
 
 
 def test_graft_as_a_source_is_another_clip_after_its_replacement(copy, grafts):

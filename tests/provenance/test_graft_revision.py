@@ -15,6 +15,7 @@ from mograft.library.origin import hash_poses
 from mograft.provenance import graft_revision
 from mograft.provenance.graft_change import plan_of
 from mograft.provenance.graft_revision import constrain, regenerate, select_positions
+from tests.provenance.checks import assert_replays
 
 N_FRAMES = 240
 spans = st.tuples(st.integers(0, N_FRAMES - 2), st.integers(1, 60)).map(
@@ -41,11 +42,6 @@ def selected(graft, ranges):
     return select_positions(plan_of(graft, ()).problem, ranges)[0]
 
 
-def assert_replayed(graft):
-    again = mg.replay(mg.graft_record(graft), graft.library)
-    assert hash_poses(again.motion) == hash_poses(graft.motion)
-
-
 def hand_at(graft, frame, shift=(0.0, 0.0, 0.0)):
     hand = graft.motion.skeleton.index("LeftHand")
     return tuple((graft.motion.world_positions()[frame, hand] + shift).tolist())
@@ -59,7 +55,7 @@ def test_regenerate_changes_the_open_segments_only(graft, opened, locked, seed):
     is_new = graft.donors["upper"] != new.donors["upper"]
     assert not (is_new & ~is_open).any()
     assert (is_new | ~is_open | (graft.alternatives["upper"] == 0)).all()
-    assert_replayed(new)
+    assert_replays(new)
 
 
 def test_regenerate_ends_the_rules_of_its_segments(graft):
@@ -76,7 +72,7 @@ def test_regenerate_keeps_changes_elsewhere(graft):
     far = regenerate(changed, [("upper", (0, 40))], 1)
     near = regenerate(changed, [("upper", (90, 140))], 1)
     assert (len(far.changes), len(near.changes)) == (1, 0)
-    assert_replayed(far)
+    assert_replays(far)
 
 
 @settings(max_examples=8)
@@ -91,7 +87,7 @@ def test_constrain_keeps_locked_segments_and_is_replayed(graft, frame, shift, lo
     new = constrain(graft, [avoid], locked=locked, is_quick=is_quick)
     is_locked = selected(graft, locked)
     assert (new.donors["upper"] == graft.donors["upper"])[is_locked].all()
-    assert_replayed(new)
+    assert_replays(new)
     if not new.violations:
         violating = mc.Avoid(avoid.obstacle)
         assert not constrain(new, [violating]).violations
@@ -128,7 +124,7 @@ def test_removed_target_is_replayed_with_all_versions(graft):
         new.motion.rotations[115:126], graft.motion.rotations[115:126], atol=2e-4
     )
     for version in (moved, new, constrain(new, list(new.request.constraints[1:]))):
-        assert_replayed(version)
+        assert_replays(version)
 
 
 def test_cancelled_search_returns_the_nearest_candidates(graft):

@@ -1,6 +1,5 @@
 """Public functions on one library from several threads: the results equal those of one thread."""
 
-import io
 import tempfile
 import threading
 import warnings
@@ -51,16 +50,24 @@ def stream_pieces(library):
     return stream.pieces()
 
 
-def bvh_of(clip):
-    file = io.BytesIO()
-    mg.write_bvh(clip, file)
-    file.seek(0)
-    return file
+def on_clip(function):
+    """Return a call of a function with the first clip of a library."""
+    return lambda library: function(library.clips[0])
+
+
+def on_points(function):
+    """Return a call of a function with the points of a library."""
+    return lambda library: function(np.array(library.embedding["lower"].points))
+
+
+def on_file(write, suffix, read=Path.read_bytes):
+    """Return a call that writes the first clip of a library to a file and reads it."""
+    return on_clip(lambda clip: through_file(lambda path: write(clip, path), suffix, read))
 
 
 STEPS = dance(seed=0, strides=2).motion[:400]
 FAR = (mc.Avoid(mc.Sphere((0.0, 900.0, 0.0), 5.0)),)
-LIBRARY_CALLS = {
+CALLS = {
     "discover_groups": lambda own: mg.discover_groups(own.clips[:2]),
     "graft": lambda own: mg.graft(own, own.names[-1], seed=3),
     "graft_many": lambda own: mg.graft_many(own, count=3, seed=1)[:],
@@ -85,41 +92,23 @@ LIBRARY_CALLS = {
     "clips": lambda own: list(own.clips),
     "samples": lambda own: [chunk.rows for chunk in own.samples.chunks()],
     "save": lambda own: through_file(own.save, ".mograft", mg.Library.open).labels,
-}
-CLIP_CALLS = {
-    **{name: getattr(mg, name) for name in ("segment", "find_faults", "foot_skate", "plant_feet")},
-    **{name: getattr(mg, name) for name in ("kinetic_energy", "mirror")},
     "cut_cycle": lambda _: mg.cut_cycle(STEPS),  # the clips have no cycle
-    "read_bvh": lambda clip: mg.read_bvh(bvh_of(clip)),
-    "scan_bvh": lambda clip: formats.scan_bvh(bvh_of(clip)).n_frames,
-    "write_bvh": lambda clip: bvh_of(clip).getvalue(),
-    "read": lambda clip: through_file(
-        lambda path: mg.write_bvh(clip, path), ".bvh", lambda path: mg.read(path)[0]
-    ),
-    "read_npz": lambda clip: through_file(
-        lambda path: formats.write_npz(clip, path), ".npz", formats.read_npz
-    ),
-    "write_npz": lambda clip: through_file(lambda p: formats.write_npz(clip, p), ".npz"),
-    "write_csv": lambda clip: through_file(lambda p: formats.write_csv(clip, p), ".csv"),
-    "write_glb": lambda clip: through_file(lambda p: formats.write_glb(clip, p), ".glb"),
+    **{own.__name__: on_clip(own) for own in (mg.segment, mg.find_faults, mg.foot_skate)},
+    **{own.__name__: on_clip(own) for own in (mg.plant_feet, mg.kinetic_energy, mg.mirror)},
+    "read": on_file(mg.write_bvh, ".bvh", lambda path: mg.read(path)[0]),
+    "read_bvh": on_file(mg.write_bvh, ".bvh", mg.read_bvh),
+    "scan_bvh": on_file(mg.write_bvh, ".bvh", lambda path: formats.scan_bvh(path).n_frames),
+    "read_npz": on_file(formats.write_npz, ".npz", formats.read_npz),
+    "write_bvh": on_file(mg.write_bvh, ".bvh"),
+    "write_npz": on_file(formats.write_npz, ".npz"),
+    "write_csv": on_file(formats.write_csv, ".csv"),
+    "write_glb": on_file(formats.write_glb, ".glb"),
+    "cut": on_points(lambda points: clustering.cut(points, 2.0)),
+    "linkage": on_points(clustering.linkage),
+    "linkage_condensed": on_points(lambda points: clustering.linkage_condensed(pdist(points))),
+    "threshold": on_points(clustering.threshold),
 }
-POINT_CALLS = {
-    "cut": lambda points: clustering.cut(points, 2.0),
-    "linkage": clustering.linkage,
-    "linkage_condensed": lambda points: clustering.linkage_condensed(pdist(points)),
-    "threshold": clustering.threshold,
-}
-CALLS = LIBRARY_CALLS | CLIP_CALLS | POINT_CALLS
-"""Calls by the name of the public function or method of libraries."""
-
-
-def run_call(library, name):
-    """Return the `fingerprint` of the result of a call."""
-    if name in LIBRARY_CALLS:
-        return fingerprint(LIBRARY_CALLS[name](library))
-    if name in CLIP_CALLS:
-        return fingerprint(CLIP_CALLS[name](library.clips[0]))
-    return fingerprint(POINT_CALLS[name](np.array(library.embedding["lower"].points)))
+"""Calls with a library, by the name of the public function or method of libraries."""
 
 
 def compare_threads(folder, n_threads=8):
@@ -131,7 +120,7 @@ def compare_threads(folder, n_threads=8):
         for name in names[shift:] + names[:shift]:
             start.wait()
             try:
-                is_same = run_call(library, name) == expected[name]
+                is_same = fingerprint(CALLS[name](library)) == expected[name]
                 found.append("" if is_same else f"{name}: another result")
             except Exception as error:  # any error of a thread is a failure
                 found.append(f"{name}: {error!r}")
@@ -140,6 +129,6 @@ def compare_threads(folder, n_threads=8):
     with warnings.catch_warnings(), ThreadPoolExecutor(n_threads) as pool:
         warnings.simplefilter("ignore")
         library = mg.Library.open(folder)
-        expected = {name: run_call(library, name) for name in names}
+        expected = {name: fingerprint(call(library)) for name, call in CALLS.items()}
         library, start = mg.Library.open(folder), threading.Barrier(n_threads)
         return [message for found in pool.map(work, range(n_threads)) for message in found]

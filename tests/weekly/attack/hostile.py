@@ -6,30 +6,21 @@ import random
 import shutil
 from importlib.util import find_spec
 
+from tests.fuzz import change_bytes
 from tests.weekly.attack.commands import complaint, run
 from tests.weekly.attack.crash import make_inputs
 
 _BATCH = 25  # files that one command checks
 
 
+_WORDS = [b"1e308", b"-9" * 40, b"nan", b"[" * 300, b"\xff" * 8, b"{", b'"', b"\0" * 4]
+
+
 def _mutated(data, rng):
     """Return data with one to six random changes."""
-    data = bytearray(data)
     for _ in range(rng.randint(1, 6)):
-        at = rng.randrange(len(data) + 1)
-        change = rng.randrange(5)
-        if change == 0:
-            data[at : at + rng.choice([1, 2, 4, 8])] = rng.randbytes(rng.choice([1, 2, 4, 8]))
-        elif change == 1:
-            del data[at : at + rng.choice([1, 7, 100, len(data)])]
-        elif change == 2:
-            data[at:at] = data[at : at + rng.choice([1, 20, 300])] * rng.choice([1, 2, 50])
-        elif change == 3:
-            words = [b"1e308", b"-9" * 40, b"nan", b"[" * 300, b"\xff" * 8, b"{", b'"', b"\0" * 4]
-            data[at : at + rng.randrange(9)] = rng.choice(words)
-        elif at < len(data):
-            data[at] ^= 1 << rng.randrange(8)
-    return bytes(data)
+        data = change_bytes(data, rng, _WORDS)
+    return data
 
 
 def damaged_files(folder, count):
