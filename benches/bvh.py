@@ -20,7 +20,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import mograft as mg
 from benches._common import run
-from mograft import formats
 
 N_JOINTS = 31
 SMALL, LARGE = 2_700, 98_000
@@ -98,7 +97,6 @@ def peers():
 def readers(path, n_head, installed):
     """Return functions that read the file to numbers, and to quaternions."""
     numbers = {
-        "mograft scan_bvh": lambda: formats.scan_bvh(path),
         "mograft read_bvh": lambda: mg.read_bvh(path),
         "numpy.loadtxt (numbers only)": lambda: np.loadtxt(path, skiprows=n_head),
     }

@@ -69,9 +69,9 @@ def make_stages(text, folder):
     """Return the measured functions by name; they write to files in a folder."""
     data = text.encode()
     motion = mg.read_bvh(io.BytesIO(data))
-    with open_cursor(io.BytesIO(data), strict=False) as cursor:
-        header = read_header(cursor)
-        values = read_frames(cursor, header)
+    cursor = open_cursor(io.BytesIO(data), strict=False)
+    header = read_header(cursor)
+    values = read_frames(cursor, header)
     changed = mg.Motion(
         motion.skeleton, motion.frame_time, motion.rotations.copy(), motion.positions.copy()
     )
@@ -84,15 +84,10 @@ def make_stages(text, folder):
         # Skeletons keep what is computed from them: children, body parts and masses.
         return replace(motion, skeleton=replace(motion.skeleton))
 
-    def parse_hierarchy():
-        with open_cursor(io.BytesIO(data), strict=False) as cursor:
-            read_header(cursor)
-
     return {
-        "hierarchy": parse_hierarchy,
+        "hierarchy": lambda: read_header(open_cursor(io.BytesIO(data), strict=False)),
         "channels to rotations": lambda: channels_to_transforms(header.skeleton, values),
         "`read_bvh`": lambda: mg.read_bvh(io.BytesIO(data)),
-        "`scan_bvh`": lambda: formats.scan_bvh(io.BytesIO(data)),
         "`Motion.world_transforms`": motion.world_transforms,
         "`write_bvh`": lambda: mg.write_bvh(new(motion), io.BytesIO()),
         "`write_bvh`, new angles": lambda: mg.write_bvh(new(changed), io.BytesIO()),

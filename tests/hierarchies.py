@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from mograft import EndSite, Skeleton, formats, read_bvh
+from mograft import EndSite, Skeleton, read_bvh
+from mograft.io.bvh.cursor import open_cursor
+from mograft.io.bvh.header import read_header
 from mograft.motion import rotations
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
@@ -189,7 +191,7 @@ def human():
 
 def read_hierarchy(path):
     """Return the skeleton of a BVH file."""
-    return formats.scan_bvh(path).skeleton
+    return read_header(open_cursor(path, strict=False)).skeleton
 
 
 @cache

@@ -1,6 +1,6 @@
 """Readers and writers of single formats; `mograft.read` and `mograft.write` choose by the file."""
 
-from mograft.io.bvh.reader import BvhSummary, read_bvh, scan_bvh
+from mograft.io.bvh.reader import read_bvh
 from mograft.io.bvh.writer import write_bvh
 from mograft.io.csv import write_csv
 from mograft.io.glb import write_glb
@@ -14,12 +14,10 @@ from mograft.io.smpl.body_models import read_offsets
 from mograft.io.usd import write_usd
 
 __all__ = [
-    "BvhSummary",
     "read_bvh",
     "read_model",
     "read_npz",
     "read_offsets",
-    "scan_bvh",
     "write_amass",
     "write_bvh",
     "write_csv",

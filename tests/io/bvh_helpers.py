@@ -5,6 +5,7 @@ import io
 import numpy as np
 
 import mograft as mg
+from tests.fingerprint import fingerprint
 
 TEXT = """\
 HIERARCHY
@@ -59,12 +60,5 @@ def assert_same_numbers(actual, desired):
 
 
 def assert_same_skeleton(actual, desired):
-    assert actual.names == desired.names
-    assert actual.channels == desired.channels
-    np.testing.assert_array_equal(actual.parents, desired.parents)
-    assert_same_numbers(actual.offsets, desired.offsets)
-    found, expected = (
-        [(own.parent, own.before, own.name, own.offset.tobytes()) for own in skeleton.end_sites]
-        for skeleton in (actual, desired)
-    )
-    assert found == expected
+    """Compare names, hierarchy, offsets, channels and end sites to the bit."""
+    assert fingerprint(actual) == fingerprint(desired)

@@ -1,6 +1,5 @@
 """Tolerated deviations from the BVH format, and errors with their positions."""
 
-import io
 import re
 import tracemalloc
 
@@ -9,7 +8,6 @@ import pytest
 from hypothesis import given
 
 import mograft as mg
-from mograft import formats
 from tests.dialects import clips, dialects, to_text
 from tests.io.bvh_helpers import REFLOWED_ROWS, TEXT, TEXT_VALUES, read
 from tests.strategies import few_examples
@@ -19,6 +17,8 @@ OFFSET_FIRST = f"OFFSET 0.0 10.0 0.0\n\t\t{CHANNELS}"
 SITE = "\t\tEnd Site\n\t\t{\n\t\t\tOFFSET 0.0 5.0 0.0\n\t\t}\n"
 JOINT = f"\t\tJOINT Arm {{ OFFSET 0 0 0 {CHANNELS} }}\n"
 TIMES = ("Frames: 3", "Frame Time: 0.04")
+ROWS = TEXT[TEXT.index("0.0 90") :]
+SURPLUS = "numbers on each line for 9 channels; the last ones are ignored"
 REPAIRS = [
     ("HIERARCHY", "\ufeffHIERARCHY", "line 1: a byte-order mark: the text is UTF-8"),
     ("\tJOINT", "\t# the back\n\tJOINT", "line 6: a comment"),
@@ -38,8 +38,13 @@ REPAIRS = [
     ("Frames: 3", "Frames: 3.0", "line 17: 3.0 read as 3"),
     ("90.5 1.0", "90.5\n1.0", "line 20: a frame wrapped over lines"),
     ("7.0\n", "7.0 ", "line 20: several frames on one line"),
-    (TEXT[TEXT.index("0.0 90") :], REFLOWED_ROWS, "line 19: frames continue across line ends"),
+    (ROWS, REFLOWED_ROWS, "line 19: frames continue across line ends"),
     ("8.0\n", "8.0\n\x00\x00\n", "line 22: NUL or control bytes after the numbers"),
+    (ROWS, ROWS.replace("\n", " 7.0 7.0\n"), f"line 19: 11 {SURPLUS}"),
+    *(
+        ("Frames: 3", f"Frames: {n}", f"line 17: {n} frames declared, 3 found and used")
+        for n in (1, 2, 4, 10**12)
+    ),
 ]
 
 
@@ -50,7 +55,6 @@ def test_read_bvh_tolerated_deviation_is_listed_with_line(old, new, listed):
     motion = read(text)
     assert motion.repairs == (listed,)
     np.testing.assert_array_equal(motion.channel_values, TEXT_VALUES)
-    assert formats.scan_bvh(io.StringIO(text)).repairs == (listed,)
 
 
 def test_read_bvh_repeated_deviations_are_counted():
@@ -68,15 +72,6 @@ def test_read_bvh_names_not_utf_8_are_read_as_cp1252_or_latin_1():
     assert motion.skeleton.names == ("Hips", "Sp\x81ne")
 
 
-def test_read_bvh_same_surplus_on_each_line_is_ignored():
-    rows = TEXT.splitlines()
-    text = "\n".join([*rows[:-3], *(row + " 7.0 7.0" for row in rows[-3:])])
-    motion = read(text)
-    np.testing.assert_array_equal(motion.channel_values, TEXT_VALUES)
-    (repair,) = motion.repairs
-    assert repair == "line 19: 11 numbers on each line for 9 channels; the last ones are ignored"
-
-
 @few_examples(40)
 @given(clips(), dialects())
 def test_read_bvh_strict_refuses_exactly_the_repairs(clip, dialect):
@@ -92,16 +87,6 @@ def test_read_bvh_strict_refuses_exactly_the_repairs(clip, dialect):
     assert caught.value.line in lines
 
 
-@pytest.mark.parametrize("declared", [1, 2, 4, 10**12])
-def test_read_bvh_wrong_declared_frames_uses_frames_found(declared):
-    text = TEXT.replace("Frames: 3", f"Frames: {declared}")
-    motion = read(text)
-    np.testing.assert_array_equal(motion.channel_values, TEXT_VALUES)
-    assert motion.repairs == (f"line 17: {declared} frames declared, 3 found and used",)
-    summary = formats.scan_bvh(io.StringIO(text))
-    assert (summary.n_frames, summary.declared_frames) == (3, declared)
-
-
 @pytest.mark.parametrize("length", range(5))
 def test_read_bvh_missing_frames_and_no_line_end_is_refused(length):
     """The file may have been cut inside its last number, which is then another number."""
@@ -112,18 +97,6 @@ def test_read_bvh_missing_frames_and_no_line_end_is_refused(length):
     with pytest.raises(mg.BvhError, match=r"^<.*>:21:1: expected 4 frames, got 3 and no line end"):
         read(cut)
     assert read(f"{cut}\n").n_frames == 3
-
-
-@pytest.mark.parametrize("ending", ["\r", "\r\n", "\n"])
-@pytest.mark.parametrize("size", [1, 2, 3, 7, 64])
-def test_read_bvh_line_ends_at_ends_of_chunks_count_once(monkeypatch, ending, size):
-    monkeypatch.setattr("mograft.io.bvh.cursor.CHUNK_BYTES", size)
-    text = TEXT.replace("\n", ending)
-    np.testing.assert_array_equal(read(text.encode()).channel_values, TEXT_VALUES)
-    for end in ("x", f"{ending}{ending} x"):
-        with pytest.raises(mg.BvhError) as caught:
-            read((text + end).encode())
-        assert caught.value.line == 22 + end.count(ending)
 
 
 def test_read_bvh_run_of_line_ends_takes_little_memory():
@@ -143,7 +116,6 @@ REFUSALS = [
     (TEXT, NO_CHANNEL, 6, 1, "expected at least one channel"),
     (TEXT, "<html>", 1, 1, "expected HIERARCHY, got <html>"),
     (TEXT, "", 1, 1, "expected HIERARCHY, got the end of the file"),
-    (TEXT, "\n \n ", 3, 2, "expected HIERARCHY, got the end of the file"),
     ("ROOT Hips", "JOINT Hips", 2, 1, "expected ROOT, got JOINT"),
     ("JOINT Spine", "JOINT", 7, 2, "expected a name after JOINT, got {"),
     ("Spine\n\t{", "Spine\n\t", 8, 3, "expected {, got OFFSET"),
@@ -156,7 +128,6 @@ REFUSALS = [
     ("CHANNELS 3", "CHANNELS 4", 10, 3, "got End after 3"),
     ("CHANNELS 3", "CHANNELS 2", 9, 34, "expected JOINT, End Site or the }"),
     ("End Site", "End Effector", 10, 7, "expected Site after End, got Effector"),
-    ("MOTION", "}\nMOTION", 16, 1, "expected MOTION, got }"),
     ("}\nMOTION", "MOTION", 15, 1, "JOINT, End Site or the } of Hips (line 2), got MOTION"),
     ("MOTION", "ROOT Other", 16, 1, "MOTION, got a second ROOT: a motion has one skeleton with on"),
     (TEXT[TEXT.index("MOTION") :], "", 16, 1, "expected MOTION, got the end"),
@@ -165,17 +136,14 @@ REFUSALS = [
     ("Frames: 3", "Frames: -3", 17, 9, "expected the number of frames, got -3"),
     ("Frames: 3", "Frames: 2.5", 17, 9, "expected the number of frames, got 2.5"),
     ("0.04", "0", 18, 13, "expected a frame time of 1e-05 to 1000 seconds, got 0"),
-    ("0.04", "nan", 18, 13, "expected the frame time in seconds, got nan"),
     ("0.04", "0,04", 18, 13, "got 0,04 with a decimal comma"),
     ("90.5", "NaN", 20, 5, "expected a number, got NaN, which is not a finite number"),
     ("90.5", "-1.#IND", 20, 5, "got -1.#IND, which is not a finite number"),
-    ("90.5", "-inf", 20, 5, "expected a number, got -inf, which is not a finite number"),
     ("90.5", "1e999", 20, 5, "got 1e999, which is too large for a double"),
     ("90.5", "90,5", 20, 5, "got 90,5 with a decimal comma"),
     ("90.5", "9_0.5", 20, 5, "expected a number, got 9_0.5 with an underscore"),
     ("90.5", "0x5A", 20, 5, "expected a number, got 0x5A"),
     ("0.5 90.5 1.0", "0.5 90.5-1.0", 20, 5, "a number, got 90.5-1.0 without a space before -1.0"),
-    ("0.5 90.5 1.0", "0.5 90.51.0", 20, 5, "without a space before .0"),
     ("8.0\n", "8.0\nEND OF FILE\n", 22, 1, "expected a number, got END"),
     ("8.0\n", "8.0\n" + TEXT, 22, 1, "got HIERARCHY: a file holds one motion"),
     ("8.0\n", "8.0\n\x00\x00 1.0", 22, 1, "expected a number, got"),
@@ -185,7 +153,7 @@ REFUSALS = [
     (FRAMES, "Frames: 4\nFrame Time: 1\n" + REFLOWED_ROWS, 19, 1, "a frame of 9 numbers,"),
     (" 8.0", "", 21, 1, "expected 9 numbers in the last frame, got 8"),
     (FRAMES, "Frames: 0\nFrame Time: 1\n", 17, 9, "at least 1 frame, got"),
-    (TEXT[TEXT.index("0.0 90") :], "", 19, 1, "expected 3 frames, got the end of"),
+    (ROWS, "", 19, 1, "expected 3 frames, got the end of"),
     (SITE, SITE + 3 * JOINT, 24, 1, "expected 18 numbers in the last frame, got 9"),
 ]
 
@@ -196,13 +164,12 @@ def test_read_bvh_invalid_file_error_names_position_and_expectation(
 ):
     assert old in TEXT
     text = new if old == TEXT else TEXT.replace(old, new, 1)
-    for source in (read, lambda text: formats.scan_bvh(io.StringIO(text))):
-        with pytest.raises(mg.BvhError) as caught:
-            source(text)
-        error = caught.value
-        assert (error.line, error.column) == (line, column)
-        assert str(error).startswith(f"<stream>:{line}:{column}: expected ")
-        assert message in str(error)
+    with pytest.raises(mg.BvhError) as caught:
+        read(text)
+    error = caught.value
+    assert (error.line, error.column) == (line, column)
+    assert str(error).startswith(f"<stream>:{line}:{column}: expected ")
+    assert message in str(error)
 
 
 @pytest.mark.parametrize("broken", ["lone surrogate", "half a character"])

@@ -1,1 +1,1 @@
-"""BVH files: reading, scanning and writing."""
+"""BVH files: reading and writing."""

@@ -4,9 +4,6 @@ import codecs
 import math
 import os
 import re
-from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import IO, Any, NoReturn, TypeAlias
 
 from mograft.errors import BvhError
@@ -14,13 +11,6 @@ from mograft.errors import BvhError
 BvhFile: TypeAlias = str | os.PathLike[str] | IO[Any]
 """A path or an open file, text or binary."""
 
-Position: TypeAlias = tuple[int, int]
-"""Line and column, counted from 1."""
-
-# The reader holds about this many bytes of the text at a time. They fit in the cache.
-CHUNK_BYTES = 1 << 18
-# Maximum length of a word. The buffer holds at least this much text after the cursor, up to the
-# end of the file.
 MAX_WORD_BYTES = 1 << 16
 
 _ENCODING_OF_MARK = {
@@ -37,101 +27,48 @@ _WHITE_SPACE = re.compile(rb"[ \t-\r]*")
 _WORD = re.compile(rb"([^ \t-\r{}]+|[{}])[ \t-\r]*")
 _COMMENT = re.compile(rb"((?:#|//)[^\r\n]*)[ \t-\r]*")
 _NUMBER = re.compile(rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-_NAN = re.compile(rb"[+-]?(?:nan.*|1\.?#(?:ind|[qs]?nan).*)", re.IGNORECASE)
-_INFINITY = re.compile(rb"[+-]?(?:inf(?:inity)?|1\.?#inf.*)", re.IGNORECASE)
+_NOT_FINITE = re.compile(
+    rb"[+-]?(?:nan.*|inf(?:inity)?|1\.?#(?:ind|inf|[qs]?nan).*)", re.IGNORECASE
+)
 _DECIMAL_COMMA = re.compile(rb"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
 
 
 class Cursor:
-    """A reading position in the text of a BVH file; memory holds one chunk of the text at a time.
+    """A reading position in the text of a BVH file; places are offsets in the text.
 
     If `strict`, deviations from the format raise an error; see `tolerate`. `label` names the file
     in errors.
     """
 
-    def __init__(self, stream: IO[Any], label: str, *, strict: bool) -> None:
+    def __init__(self, text: bytes, label: str, *, strict: bool) -> None:
         self.label = label
         self.strict = strict
-        self.buffer = b""  # the chunk in memory, as UTF-8
-        self.offset = 0  # of the cursor in `buffer`
-        self.is_at_end = False  # whether `buffer` holds the end of the file
-        self.file_bytes = _file_bytes(stream)  # CHUNK_BYTES if the size is unknown
-        self._stream = stream
-        self._decoder: codecs.IncrementalDecoder | None = None
-        # Line and message of the first deviation of each kind, and the number of deviations.
-        self._repairs: dict[str, tuple[int, str]] = {}
-        self._n_repairs = Counter[str]()
-        # `_line` and `_column` are those of the offset `_counted` in the buffer.
-        self._counted, self._line, self._column = 0, 1, 1
-        self._has_lone_cr: bool | None = None  # whether CR ends a line of `buffer`; None if unknown
-        self._word_start = 0
-        self._held = b""  # a CR at the end of the text read so far, which is not in `buffer`
-        self._read_start()
+        self.text = text  # as UTF-8
+        self.offset = 0
+        self.word_start = 0  # of the last word taken
+        # Line and message of the first deviation of each kind, and the number of further ones.
+        self._repairs: dict[str, tuple[int, str, int]] = {}
+        for mark, encoding in _ENCODING_OF_MARK.items():
+            if text.startswith(mark):
+                self.text = text[len(mark) :]
+                if encoding != "utf-8":
+                    self._decode(encoding)
+                self.tolerate("mark", f"a byte-order mark: the text is {encoding.upper()}")
         self.skip_white_space()
 
-    def _read_start(self) -> None:
-        """Read the first chunk and detect its encoding by the byte-order mark."""
-        start = self._read_bytes()
-        while len(start) < 4 and (more := self._read_bytes()):
-            start += more
-        for mark, encoding in _ENCODING_OF_MARK.items():
-            if start.startswith(mark):
-                start = start[len(mark) :]
-                if encoding != "utf-8":
-                    self._decoder = codecs.getincrementaldecoder(encoding)()
-                self.tolerate("mark", f"a byte-order mark: the text is {encoding.upper()}")
-        self.buffer = self._hold_cr(self._to_utf8(start))
-
-    def read_chunk(self) -> None:
-        """Read the next chunk and drop the text before the cursor."""
-        self._count_to(self.offset)
-        pieces, size = [self.buffer[self.offset :]], 0
-        self._word_start -= self.offset
-        self._counted = self.offset = 0
-        self._has_lone_cr = None
-        while size < CHUNK_BYTES:
-            piece = self._read_bytes()
-            if not piece:
-                self.is_at_end = True
-                pieces += [self._held, self._to_utf8(b"", final=True)]
-                self._held = b""
-                break
-            size += len(piece)
-            pieces.append(self._hold_cr(self._held + self._to_utf8(piece)))
-        self.buffer = b"".join(pieces)
-
-    def _hold_cr(self, text: bytes) -> bytes:
-        """Remove a CR from the end of a text, keep it for the next chunk, and return the rest.
-
-        The next chunk may begin with the LF of the same line end.
-        """
-        self._held = b"\r" if text.endswith(b"\r") else b""
-        return text.removesuffix(b"\r")
-
-    def _read_bytes(self) -> bytes:
-        piece = self._stream.read(CHUNK_BYTES) or b""
-        return piece.encode("utf-8", "surrogatepass") if isinstance(piece, str) else bytes(piece)
-
-    def _to_utf8(self, piece: bytes, *, final: bool = False) -> bytes:
-        if self._decoder is None:
-            return piece
+    def _decode(self, encoding: str) -> None:
         try:
-            return str(self._decoder.decode(piece, final)).encode()
+            self.text = self.text.decode(encoding).encode()
         except UnicodeError as error:
             self.fail(f"expected UTF-16 text, got invalid bytes: {error}")
 
     def skip_white_space(self) -> None:
-        """Move to the next word and ensure that the buffer holds the whole word."""
-        while True:
-            self.offset = match_end(_WHITE_SPACE, self.buffer, self.offset)
-            if self.is_at_end or self.has_lookahead:
-                self._word_start = self.offset
-                return
-            self.read_chunk()
+        """Move to the next word."""
+        self.word_start = self.offset = match_end(_WHITE_SPACE, self.text, self.offset)
 
     def ends_in_word(self) -> bool:
-        """Return whether the text in the buffer ends in a word, not in white space or padding."""
-        end = self.buffer[-1:]
+        """Return whether the text ends in a word, not in white space or padding."""
+        end = self.text[-1:]
         return bool(end) and end not in b"\0\x1a \t\n\v\f\r"
 
     def take(self, pattern: re.Pattern[bytes]) -> bytes | None:
@@ -139,9 +76,8 @@ class Cursor:
 
         If the pattern does not match, return None and do not move.
         """
-        self._ensure_lookahead()
-        match = pattern.match(self.buffer, self.offset)
-        self._word_start = self.offset
+        match = pattern.match(self.text, self.offset)
+        self.word_start = self.offset
         if match is None:
             return None
         if match.end(1) - self.offset >= MAX_WORD_BYTES:
@@ -154,26 +90,10 @@ class Cursor:
     def skip_text(self, text: bytes) -> bool:
         """Move to the end of `text` if it follows, and a word behind it; return whether it does."""
         end = self.offset + len(text)
-        if (
-            not self.buffer.startswith(text, self.offset)
-            or match_end(_WORD, self.buffer, end) == end
-        ):
+        if not self.text.startswith(text, self.offset) or match_end(_WORD, self.text, end) == end:
             return False
         self.offset = end
         return True
-
-    @property
-    def has_lookahead(self) -> bool:
-        """Whether the buffer holds enough text after the cursor for a word of maximum length."""
-        return len(self.buffer) - self.offset >= MAX_WORD_BYTES
-
-    def _ensure_lookahead(self) -> None:
-        if not self.is_at_end and not self.has_lookahead:
-            self.skip_white_space()
-
-    def move_back(self) -> None:
-        """Move back to the start of the last word taken."""
-        self.offset = self._word_start
 
     def take_word(self) -> bytes:
         """Return the next word or brace and move after it; at the end of the file return b""."""
@@ -206,8 +126,7 @@ class Cursor:
 
     def skip_comments(self) -> None:
         """Move to the next word that does not start a comment."""
-        self._ensure_lookahead()
-        while self.buffer.startswith((b"#", b"//"), self.offset):
+        while self.text.startswith((b"#", b"//"), self.offset):
             self.take(_COMMENT)
             self.tolerate("comment", "a comment")
 
@@ -231,84 +150,52 @@ class Cursor:
             self.fail(f"expected {meaning}, got {describe_number(word)}")
         return value
 
-    def position(self) -> Position:
-        """Return line and column of the last word taken."""
-        self._count_to(self._word_start)
-        return self._line, self._column
+    def line_and_column(self, place: int) -> tuple[int, int]:
+        """Return the line and the column of a place, counted from 1."""
+        before = self.text[:place]
+        n_line_ends = before.count(b"\n") + before.count(b"\r") - before.count(b"\r\n")
+        last = before[max(before.rfind(b"\n"), before.rfind(b"\r")) + 1 :]
+        return n_line_ends + 1, len(last.decode("utf-8", "replace")) + 1
 
-    def fail(self, message: str, position: Position | None = None) -> NoReturn:
-        """Raise BvhError; the default position is that of the last word taken."""
-        line, column = position or self.position()
-        raise BvhError(message, self.label, line, column)
+    def fail(self, message: str, place: int | None = None, *, line: int | None = None) -> NoReturn:
+        """Raise BvhError for a place or a line; the default is the last word taken."""
+        at = self.line_and_column(self.word_start if place is None else place)
+        raise BvhError(message, self.label, *(at if line is None else (line, 1)))
 
-    def tolerate(self, kind: str, message: str, position: Position | None = None) -> None:
+    def tolerate(
+        self, kind: str, message: str, place: int | None = None, *, line: int | None = None
+    ) -> None:
         """Add a deviation from the format to `repairs`; raise BvhError instead if strict.
 
         For each `kind`, only the first message and the number of deviations are kept.
         """
-        found_at = position or self.position()
         if self.strict:
-            self.fail(f"{message}: refused in strict mode", found_at)
-        self._repairs.setdefault(kind, (found_at[0], message))
-        self._n_repairs[kind] += 1
-
-    def move(self, size: int, n_line_ends: int) -> None:
-        """Move forward by `size` bytes of ASCII text, which contain `n_line_ends` line ends."""
-        self._count_to(self.offset)
-        end = self.offset + size
-        if n_line_ends:
-            last = max(self.buffer.rfind(mark, self.offset, end) for mark in (b"\n", b"\r"))
-            self._line, self._column = self._line + n_line_ends, end - last
-        else:
-            self._column += size
-        self.offset = self._counted = end
+            self.fail(f"{message}: refused in strict mode", place, line=line)
+        if kind not in self._repairs:
+            place = self.word_start if place is None else place
+            self._repairs[kind] = line or self.line_and_column(place)[0], message, -1
+        first, message, n_more = self._repairs[kind]
+        self._repairs[kind] = first, message, n_more + 1
 
     def repairs(self) -> tuple[str, ...]:
         """Return one text for each kind of tolerated deviation, ordered by line."""
-        counts = {kind: count - 1 for kind, count in self._n_repairs.items()}
-        more = {kind: f" (and {n} more like it)" if n else "" for kind, n in counts.items()}
-        found = sorted(self._repairs.items(), key=lambda item: item[1][0])
-        return tuple(f"line {line}: {text}{more[kind]}" for kind, (line, text) in found)
-
-    def _count_to(self, offset: int) -> None:
-        if offset <= self._counted:
-            return
-        buffer, start = self.buffer, self._counted
-        if self._has_lone_cr is None:
-            self._has_lone_cr = buffer.count(b"\r") != buffer.count(b"\r\n")
-        lines = buffer.count(b"\n", start, offset)
-        if self._has_lone_cr:
-            passed = buffer[start:offset]
-            lines += passed.count(b"\r") - passed.count(b"\r\n")
-        if lines:
-            self._line += lines
-            self._column = 1
-            last = buffer.rfind(b"\n", start, offset)
-            if self._has_lone_cr:
-                last = max(last, buffer.rfind(b"\r", start, offset))
-            start = last + 1
-        self._column += len(buffer[start:offset].decode("utf-8", "replace"))
-        self._counted = offset
+        found = sorted(self._repairs.values(), key=lambda repair: repair[0])
+        return tuple(
+            f"line {line}: {text}" + (f" (and {n_more} more like it)" if n_more else "")
+            for line, text, n_more in found
+        )
 
 
-@contextmanager
-def open_cursor(file: BvhFile, *, strict: bool) -> Iterator[Cursor]:
-    """Yield a cursor at the first word of a file: a path that is opened, or an open file."""
+def open_cursor(file: BvhFile, *, strict: bool) -> Cursor:
+    """Return a cursor at the first word of a file: a path, or an open file."""
     if isinstance(file, str | os.PathLike):
         with open(file, "rb", buffering=0) as stream:
-            yield Cursor(stream, os.fspath(file), strict=strict)
-    elif hasattr(file, "read"):
-        name = getattr(file, "name", None)
-        yield Cursor(file, name if isinstance(name, str) else "<stream>", strict=strict)
-    else:
+            return Cursor(stream.read(), os.fspath(file), strict=strict)
+    if not hasattr(file, "read"):
         raise TypeError(f"`source` must be a path or a file object, got {type(file).__name__}")
-
-
-def _file_bytes(stream: IO[Any]) -> int:
-    try:
-        return os.fstat(stream.fileno()).st_size
-    except (AttributeError, OSError):
-        return CHUNK_BYTES
+    text, name = file.read(), getattr(file, "name", None)
+    text = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else bytes(text)
+    return Cursor(text, name if isinstance(name, str) else "<stream>", strict=strict)
 
 
 def match_end(pattern: re.Pattern[bytes], buffer: bytes, start: int) -> int:
@@ -336,7 +223,7 @@ def describe_number(word: bytes) -> str:
     """Return a word that is not a valid number as text for a message, with the reason if known."""
     text = describe_word(word)
     end = match_end(_NUMBER, word, 0)
-    if _NAN.fullmatch(word) or _INFINITY.fullmatch(word):
+    if _NOT_FINITE.fullmatch(word):
         return f"{text}, which is not a finite number"
     if end and end == len(word):
         return f"{text}, which is too large for a double"

@@ -2,12 +2,11 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
-from mograft.io.bvh.cursor import Cursor, Position, describe_word
+from mograft.io.bvh.cursor import Cursor, describe_word
 from mograft.motion import limits
 from mograft.motion.skeleton import CHANNELS, EndSite, Skeleton
 
@@ -26,41 +25,22 @@ class Header:
 
     skeleton: Skeleton
     n_frames: int  # as declared
-    frames_position: Position  # of the declared number in the file
+    frames_place: int  # of the declared number in the file
     frame_time: float  # seconds
 
 
 @dataclass(slots=True)
-class _Open:
-    """A joint whose brace is open, and how many children and end sites it has so far."""
+class _Node:
+    """A joint, or an end site, as the file has it."""
 
-    joint: int
+    name: bytes
+    place: int  # of the name of a joint; of the word after End
+    offset: list[float]
+    channels: tuple[str, ...] = ()
+    parent: int = -1  # index of a joint
+    before: int = 0  # of an end site: number of joints of its parent that precede it
     n_children: int = 0
     n_end_sites: int = 0
-
-
-class _Joint(NamedTuple):
-    name: bytes
-    position: Position
-    offset: Sequence[float]
-    channels: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class _Tree:
-    """The joints and end sites that were read, and the joints with open braces."""
-
-    joints: list[_Joint] = field(default_factory=list)
-    parents: list[int] = field(default_factory=list)
-    # Name, position, offset, index of the joint, and `EndSite.before`.
-    sites: list[tuple[bytes, Position, Sequence[float], int, int]] = field(default_factory=list)
-    open: list[_Open] = field(default_factory=list)
-
-    def add_site(self, name: bytes, position: Position, offset: Sequence[float]) -> None:
-        """Add an end site to the last open joint."""
-        above = self.open[-1]
-        self.sites.append((name, position, offset, above.joint, above.n_children))
-        above.n_end_sites += 1
 
 
 def read_header(cursor: Cursor) -> Header:
@@ -69,7 +49,7 @@ def read_header(cursor: Cursor) -> Header:
     if not skeleton.n_channels:
         cursor.fail("expected at least one channel, got none in the whole hierarchy")
     cursor.expect(b"MOTION")
-    n_frames, frame_time, frames_position = None, None, (1, 1)
+    n_frames, frame_time, frames_place = None, None, 0
     while n_frames is None or frame_time is None:
         cursor.skip_comments()
         if frame_time is None and (label := cursor.take(_FRAME_TIME)) is not None:
@@ -84,11 +64,11 @@ def read_header(cursor: Cursor) -> Header:
         elif n_frames is None and (label := cursor.take(_FRAMES)) is not None:
             _check_label(cursor, label, b"Frames:")
             n_frames = cursor.take_count("the number of frames")
-            frames_position = cursor.position()
+            frames_place = cursor.word_start
         else:
             expected = "Frames:" if n_frames is None else "Frame Time:"
             cursor.fail(f"expected {expected}, got {describe_word(cursor.take_word())}")
-    return Header(skeleton, n_frames, frames_position, frame_time)
+    return Header(skeleton, n_frames, frames_place, frame_time)
 
 
 def _check_label(cursor: Cursor, label: bytes, expected: bytes) -> None:
@@ -100,7 +80,7 @@ def _check_label(cursor: Cursor, label: bytes, expected: bytes) -> None:
     text = describe_word(words)
     if words != expected:
         cursor.tolerate("label " + text, f"{text!r} read as {describe_word(expected)!r}")
-    elif cursor.buffer[cursor.offset - 1 : cursor.offset] == b":":
+    elif cursor.text[cursor.offset - 1 : cursor.offset] == b":":
         cursor.tolerate("label blank", f"no space after {text!r}")
 
 
@@ -117,70 +97,77 @@ def _read_hierarchy(cursor: Cursor) -> Skeleton:
     latest = _latest
     if latest is not None and cursor.skip_text(latest[0]):
         return latest[1]
-    buffer, start, repairs = cursor.buffer, cursor.offset, cursor.repairs()
+    start, repairs = cursor.offset, cursor.repairs()
     skeleton = _parse_hierarchy(cursor)
-    if cursor.buffer is buffer and cursor.repairs() == repairs:
-        _latest = buffer[start : cursor.offset], skeleton
+    if cursor.repairs() == repairs:
+        _latest = cursor.text[start : cursor.offset], skeleton
     return skeleton
 
 
 def _parse_hierarchy(cursor: Cursor) -> Skeleton:
     cursor.expect(b"HIERARCHY")
     cursor.expect(b"ROOT")
-    tree = _Tree()
-    _add_joint(cursor, tree, _read_joint(cursor, "ROOT"))
-    while tree.open:
-        _read_item(cursor, tree)
-    words, positions, offsets, channels = zip(*tree.joints, strict=True)
-    names = _decode_names(cursor, words, positions)
-    site_words, places, ends, parents, ranks = [*zip(*tree.sites, strict=True)] or [()] * 5
-    site_names = _decode_names(cursor, site_words, places)
-    _check_names(cursor, names, positions)
+    joints, sites = [_read_joint(cursor, "ROOT")], list[_Node]()
+    opened = [0]  # joints whose brace is open
+    while opened:
+        above = joints[opened[-1]]
+        word = cursor.take_keyword()
+        if word == b"JOINT":
+            joint = _read_joint(cursor, "JOINT")
+            joint.parent = opened[-1]
+            above.n_children += 1
+            opened.append(len(joints))
+            joints.append(joint)
+            _check_limits(cursor, joint, len(joints), len(opened))
+        elif word == b"End":
+            site = _read_end_site(cursor)
+            site.parent, site.before = opened[-1], above.n_children
+            above.n_end_sites += 1
+            sites.append(site)
+        elif word == b"}":
+            opened.pop()
+            _check_end_sites(cursor, above)
+        else:
+            owner = f"{describe_word(above.name)} (line {cursor.line_and_column(above.place)[0]})"
+            expected = f"JOINT, End Site or the }} of {owner}"
+            cursor.fail(f"expected {expected}, got {describe_word(word)}")
+    return _to_skeleton(cursor, joints, sites)
+
+
+def _to_skeleton(cursor: Cursor, joints: Sequence[_Node], sites: Sequence[_Node]) -> Skeleton:
+    names, site_names = _decode_names(cursor, joints), _decode_names(cursor, sites)
+    _check_names(cursor, names, joints)
     try:
-        sites = tuple(map(EndSite, parents, ends, ranks, site_names))
-        return Skeleton(names, np.array(tree.parents), np.array(offsets), channels, sites)
+        return Skeleton(
+            names,
+            np.array([own.parent for own in joints]),
+            np.array([own.offset for own in joints]),
+            tuple(own.channels for own in joints),
+            tuple(
+                EndSite(own.parent, np.array(own.offset), own.before, name)
+                for own, name in zip(sites, site_names, strict=True)
+            ),
+        )
     except ValueError as error:
         cursor.fail(str(error))
 
 
-def _add_joint(cursor: Cursor, tree: _Tree, joint: _Joint) -> None:
-    """Add a joint whose brace is open."""
+def _check_limits(cursor: Cursor, joint: _Node, n_joints: int, n_levels: int) -> None:
     try:
-        limits.check_joints(len(tree.joints) + 1)
-        limits.check_levels(len(tree.open) + 1)
+        limits.check_joints(n_joints)
+        limits.check_levels(n_levels)
     except ValueError as error:
-        cursor.fail(str(error), joint.position)
-    tree.parents.append(tree.open[-1].joint if tree.open else -1)
-    if tree.open:
-        tree.open[-1].n_children += 1
-    tree.open.append(_Open(len(tree.joints)))
-    tree.joints.append(joint)
+        cursor.fail(str(error), joint.place)
 
 
-def _read_item(cursor: Cursor, tree: _Tree) -> None:
-    """Read the start of a joint, an end site, or the closing brace of a joint."""
-    word = cursor.take_keyword()
-    if word == b"JOINT":
-        _add_joint(cursor, tree, _read_joint(cursor, "JOINT"))
-    elif word == b"End":
-        tree.add_site(*_read_end_site(cursor))
-    elif word == b"}":
-        _check_end_sites(cursor, tree, tree.open.pop())
-    else:
-        last = tree.joints[tree.open[-1].joint]
-        owner = f"{describe_word(last.name)} (line {last.position[0]})"
-        expected = f"JOINT, End Site or the }} of {owner}"
-        cursor.fail(f"expected {expected}, got {describe_word(word)}")
-
-
-def _read_joint(cursor: Cursor, keyword: str) -> _Joint:
+def _read_joint(cursor: Cursor, keyword: str) -> _Node:
     """Read a joint from its name up to its channels; the keyword ROOT or JOINT has been read."""
-    line = cursor.position()[0]
+    start = cursor.word_start
     name = _take_name(cursor)
-    position = cursor.position()
+    place = cursor.word_start
     if not name:
         cursor.fail(f"expected a name after {keyword}, got {describe_word(cursor.take_word())}")
-    _read_brace(cursor, keyword, line)
+    _read_brace(cursor, keyword, start)
     offset: list[float] = []
     channels: list[str] | None = None
     while not offset or channels is None:
@@ -194,7 +181,7 @@ def _read_joint(cursor: Cursor, keyword: str) -> _Joint:
         else:
             expected = "CHANNELS" if offset else "OFFSET"
             cursor.fail(f"expected {expected}, got {describe_word(word)}")
-    return _Joint(name, position, offset, tuple(channels))
+    return _Node(name, place, offset, tuple(channels))
 
 
 def _read_channels(cursor: Cursor, joint: bytes) -> list[str]:
@@ -215,22 +202,22 @@ def _read_channels(cursor: Cursor, joint: bytes) -> list[str]:
     return channels
 
 
-def _read_end_site(cursor: Cursor) -> tuple[bytes, Position, list[float]]:
-    """Read an end site after its keyword End; return its name, position and offset."""
-    position = cursor.position()
+def _read_end_site(cursor: Cursor) -> _Node:
+    """Read an end site after its keyword End."""
+    start = cursor.word_start
     keyword = cursor.take(_SITE)
     if keyword is None:
         cursor.fail(f"expected Site after End, got {describe_word(cursor.take_word())}")
     if keyword != b"Site":
-        cursor.tolerate("case site", f"End {describe_word(keyword)} read as End Site", position)
+        cursor.tolerate("case site", f"End {describe_word(keyword)} read as End Site", start)
     name = _take_name(cursor)
     if name:
-        cursor.tolerate("end name", f"End Site with a name, {describe_word(name)}", position)
-    _read_brace(cursor, "End Site", position[0])
+        cursor.tolerate("end name", f"End Site with a name, {describe_word(name)}", start)
+    _read_brace(cursor, "End Site", start)
     cursor.expect(b"OFFSET")
     offset = _read_offset(cursor)
     cursor.expect(b"}")
-    return name, position, offset
+    return _Node(name, start, offset)
 
 
 def _take_name(cursor: Cursor) -> bytes:
@@ -241,53 +228,50 @@ def _read_offset(cursor: Cursor) -> list[float]:
     return [cursor.take_number("a number of OFFSET") for _ in range(3)]
 
 
-def _read_brace(cursor: Cursor, keyword: str, line: int) -> None:
+def _read_brace(cursor: Cursor, keyword: str, start: int) -> None:
+    """Read the brace of a joint or an end site whose keyword begins at `start`."""
     cursor.expect(b"{")
-    if cursor.position()[0] == line:
+    if len(cursor.text[start : cursor.word_start + 1].splitlines()) == 1:
         cursor.tolerate("brace", f"'{{' on the line of {keyword}")
 
 
-def _check_end_sites(cursor: Cursor, tree: _Tree, closed: _Open) -> None:
+def _check_end_sites(cursor: Cursor, closed: _Node) -> None:
     """Add a repair if a leaf joint has no end site, or an end site has siblings.
 
     `closed` is the joint whose block has ended. If the cursor is strict, raise BvhError instead.
     """
     if closed.n_end_sites == (closed.n_children == 0):
         return
-    name, position, *_ = tree.joints[closed.joint]
-    text = describe_word(name)
+    text = describe_word(closed.name)
     if closed.n_children or closed.n_end_sites:
-        cursor.tolerate("end beside", f"{text} has an End Site and other children", position)
+        cursor.tolerate("end beside", f"{text} has an End Site and other children", closed.place)
     else:
-        cursor.tolerate("no end", f"{text} has neither JOINT nor End Site", position)
+        cursor.tolerate("no end", f"{text} has neither JOINT nor End Site", closed.place)
 
 
-def _decode_names(
-    cursor: Cursor, names: Sequence[bytes], positions: Sequence[Position]
-) -> tuple[str, ...]:
+def _decode_names(cursor: Cursor, nodes: Sequence[_Node]) -> tuple[str, ...]:
     """Decode all names as UTF-8, or as Windows-1252, or as Latin-1: the first that is possible."""
     for encoding in ("utf-8", "cp1252", "latin-1"):
         try:
-            decoded = tuple([name.decode(encoding) for name in names])
+            decoded = tuple([own.name.decode(encoding) for own in nodes])
         except UnicodeDecodeError:
             continue
         if encoding != "utf-8":
-            pairs = zip(names, positions, strict=True)
-            position = next(position for name, position in pairs if not name.isascii())
-            cursor.tolerate("encoding", f"names are not UTF-8; read as {encoding}", position)
+            place = next(own.place for own in nodes if not own.name.isascii())
+            cursor.tolerate("encoding", f"names are not UTF-8; read as {encoding}", place)
         return decoded
     raise AssertionError("Latin-1 must decode any bytes")
 
 
-def _check_names(cursor: Cursor, names: Sequence[str], positions: Sequence[Position]) -> None:
+def _check_names(cursor: Cursor, names: Sequence[str], joints: Sequence[_Node]) -> None:
     """List repeated names and names that contain white space as repairs.
 
     If the cursor is strict, raise BvhError instead.
     """
     known: set[str] = set()
-    for name, position in zip(names, positions, strict=True):
+    for name, joint in zip(names, joints, strict=True):
         if " " in name or "\t" in name:
-            cursor.tolerate("blank name", f"a space in the name {name!r}", position)
+            cursor.tolerate("blank name", f"a space in the name {name!r}", joint.place)
         if name in known:
-            cursor.tolerate("repeated name", f"the name {name!r} is repeated", position)
+            cursor.tolerate("repeated name", f"the name {name!r} is repeated", joint.place)
         known.add(name)

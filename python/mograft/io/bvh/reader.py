@@ -1,4 +1,4 @@
-"""Reading and scanning of BVH files.
+"""Reading of BVH files.
 
 A deviation from the format with only one possible meaning is tolerated and listed as a repair, or
 is an error if `strict`. Ambiguous text raises `BvhError`.
@@ -6,11 +6,9 @@ is an error if `strict`. Ambiguous text raises `BvhError`.
 
 import os
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray
@@ -31,37 +29,11 @@ from mograft.motion.skeleton import CHANNELS, Skeleton
 _CODES = {name: code for code, name in enumerate(CHANNELS)}
 """Codes of channels: the axis, plus 3 if it is a rotation."""
 
-# Numbers read at a time after the declared number of frames.
+# The text of about this many bytes is parsed at a time, so that it stays in the cache.
+CHUNK_BYTES = 1 << 18
+# Numbers for which there is at least room after the declared number of frames.
 _BLOCK_LENGTH = 1 << 15
 _PADDING = re.compile(rb"[\0\x1a \t-\r]*")
-
-
-@dataclass(frozen=True, eq=False)
-class BvhSummary:
-    """Skeleton, length and repairs of a BVH file, without the motion.
-
-    Parameters
-    ----------
-    n_frames : int
-        The number of frames found.
-    frame_time : float
-        Seconds from one frame to the next.
-    path : str
-        The file, or a name for the stream that was read.
-    skeleton : Skeleton
-        Joints, end sites and channels.
-    declared_frames : int
-        The number of frames that the file declares.
-    repairs : tuple of str
-        The deviations that were tolerated, each with its line.
-    """
-
-    n_frames: int
-    frame_time: float
-    path: str
-    skeleton: Skeleton
-    declared_frames: int
-    repairs: tuple[str, ...]
 
 
 def read_bvh(source: BvhFile, *, strict: bool = False, add_offsets: bool = False) -> Motion:
@@ -114,12 +86,14 @@ def read_bvh(source: BvhFile, *, strict: bool = False, add_offsets: bool = False
     Traceback (most recent call last):
     mograft.errors.BvhError: <stream>:7:1: expected a number, got 9O
     """
-    with open_cursor(source, strict=strict) as cursor:
-        header = read_header(cursor)
-        values = read_frames(cursor, header)
+    cursor = open_cursor(source, strict=strict)
+    header = read_header(cursor)
+    values = read_frames(cursor, header)
+    label, repairs = cursor.label, cursor.repairs()
+    del cursor  # and its text, before the transforms need memory
     rotations, positions = channels_to_transforms(header.skeleton, values, add_offsets=add_offsets)
     # The name of an open file may not be a path; that of standard input is "<stdin>".
-    path = Path(cursor.label) if os.path.exists(cursor.label) else None
+    path = Path(label) if os.path.exists(label) else None
     return Motion(
         header.skeleton,
         header.frame_time,
@@ -128,52 +102,7 @@ def read_bvh(source: BvhFile, *, strict: bool = False, add_offsets: bool = False
         channel_values=values,
         name="" if path is None else path.stem,
         path=path,
-        repairs=cursor.repairs(),
-    )
-
-
-def scan_bvh(source: BvhFile, *, strict: bool = False) -> BvhSummary:
-    """Check a BVH file as `read_bvh` does, and return a summary.
-
-    The memory does not grow with the number of frames.
-
-    Parameters
-    ----------
-    source, strict
-        As for `read_bvh`.
-
-    Returns
-    -------
-    BvhSummary
-        Skeleton, length and repairs.
-
-    Raises
-    ------
-    BvhError, OSError
-        As for `read_bvh`.
-
-    Examples
-    --------
-    >>> import io
-    >>> from mograft.dancer import dance
-    >>> from mograft.io.bvh.writer import write_bvh
-    >>> file = io.BytesIO()
-    >>> write_bvh(dance(strides=1).motion[:90], file)
-    >>> _ = file.seek(0)
-    >>> summary = scan_bvh(file)
-    >>> summary.n_frames, summary.skeleton.n_joints
-    (90, 18)
-    """
-    with open_cursor(source, strict=strict) as cursor:
-        header = read_header(cursor)
-        n_frames = count_frames(cursor, header)
-    return BvhSummary(
-        path=cursor.label,
-        skeleton=header.skeleton,
-        frame_time=header.frame_time,
-        n_frames=n_frames,
-        declared_frames=header.n_frames,
-        repairs=cursor.repairs(),
+        repairs=repairs,
     )
 
 
@@ -212,55 +141,35 @@ def channels_to_transforms(
 
 def read_frames(cursor: Cursor, header: Header) -> FloatArray:
     """Read the channel values, shape (n_frames, n_channels)."""
-    lines, width = _LineCheck(cursor, header), header.skeleton.n_channels
+    width, text, chunk_bytes = header.skeleton.n_channels, cursor.text, CHUNK_BYTES
+    cursor.skip_white_space()
+    lines = _Lines(cursor.line_and_column(cursor.offset)[0])
     # A number takes at least two bytes: the size of the file limits the memory that the declared
-    # number of frames can claim.
-    values = np.empty(max(min(header.n_frames * width, cursor.file_bytes // 2), width))
-    filled = _read_numbers(cursor, lines, values)
-    while filled == len(values):
-        more = np.empty(max(len(values), _BLOCK_LENGTH))
-        added = _read_numbers(cursor, lines, more)
-        if not added:
-            break
-        values = np.concatenate([values, more])
-        filled += added
-    n_frames, numbers_per_frame = lines.finish()
-    if filled < len(values):
-        values = values[:filled].copy()
-    return np.ascontiguousarray(values.reshape(n_frames, numbers_per_frame)[:, :width])
-
-
-def count_frames(cursor: Cursor, header: Header) -> int:
-    """Return the number of frames; check the numbers as `read_frames` does."""
-    lines, scratch = _LineCheck(cursor, header), np.empty(_BLOCK_LENGTH)
-    while _read_numbers(cursor, lines, scratch):
-        pass
-    n_frames, _ = lines.finish()
-    return n_frames
-
-
-def _read_numbers(cursor: Cursor, lines: "_LineCheck", out: FloatArray) -> int:
-    """Read numbers into `out` until it is full or the file ends; return how many were read.
-
-    Pass the line ends between them to `lines`.
-    """
+    # number of frames can claim. Files with this number leave the last place free.
+    values = np.empty(max(min(header.n_frames * width, len(text) // 2), width) + 1)
     filled = 0
     while True:
+        stop = cursor.offset + chunk_bytes
         n_values, n_bytes, line_ends, is_invalid = _core.scan_numbers(
-            cursor.buffer, cursor.offset, out[filled:], last=cursor.is_at_end
+            text[cursor.offset : stop], 0, values[filled:], last=stop >= len(text)
         )
-        cursor.move(n_bytes, len(line_ends))
+        cursor.offset += n_bytes
         filled += n_values
         lines.add(line_ends, n_values)
         if is_invalid:
+            _find_layout(cursor, width, *lines.arrays())
             _check_padding(cursor)
-            return filled
-        if filled == len(out) or cursor.is_at_end:
-            return filled
-        if cursor.has_lookahead:
-            # The scan stops at a number that may continue in the next chunk. This one is too long.
-            cursor.take_word()
-        cursor.read_chunk()
+            break
+        if filled == len(values):
+            values.resize(2 * filled + _BLOCK_LENGTH, refcheck=False)
+        elif stop >= len(text):
+            break
+        elif not n_bytes:  # a number is longer than the chunk
+            chunk_bytes *= 2
+    lines.add(np.array([0]), 0)  # the last line may have no end
+    n_frames, numbers_per_frame = _check_lines(cursor, header, *lines.arrays())
+    values.resize((n_frames, numbers_per_frame), refcheck=False)
+    return np.ascontiguousarray(values[:, :width])
 
 
 def _check_padding(cursor: Cursor) -> None:
@@ -268,52 +177,23 @@ def _check_padding(cursor: Cursor) -> None:
 
     If only padding (NUL, control-Z and white space) follows up to the end of the file, tolerate it.
     """
-    word = cursor.take_word()
+    word, start = cursor.take_word(), cursor.word_start
     if word[:1] in (b"\0", b"\x1a"):
-        position = cursor.position()
-        cursor.move_back()
-        while (end := match_end(_PADDING, cursor.buffer, cursor.offset)) == len(cursor.buffer):
-            cursor.offset = end
-            if cursor.is_at_end:
-                cursor.tolerate("padding", "NUL or control bytes after the numbers", position)
-                return
-            cursor.read_chunk()
-        cursor.fail(f"expected a number, got {describe_word(word)}", position)
+        if match_end(_PADDING, cursor.text, start) < len(cursor.text):
+            cursor.fail(f"expected a number, got {describe_word(word)}")
+        cursor.tolerate("padding", "NUL or control bytes after the numbers", start)
+        return
     if word.upper() in (b"HIERARCHY", b"ROOT", b"MOTION"):
         cursor.fail(f"expected a number, got {describe_word(word)}: a file holds one motion")
     cursor.fail(f"expected a number, got {describe_number(word)}")
 
 
-class _LineCheck:
-    """Check that the line ends fit the frames.
+class _Lines:
+    """The lines that are not blank, and how many numbers each of them holds."""
 
-    Usually, each line holds one frame. These layouts are valid, too, if the file has as many
-    frames as it declares:
-
-    - several whole frames on a line;
-    - a frame that continues on the next lines, where the next frame starts on a new line;
-    - the same count of numbers on all lines, except fewer on the last, whatever the frames;
-    - one line per frame with the same count of surplus numbers at its end, which are ignored.
-
-    In any other layout a number is missing or surplus, and all later numbers would be assigned to
-    wrong channels.
-    """
-
-    def __init__(self, cursor: Cursor, header: Header) -> None:
-        cursor.skip_white_space()
-        self._cursor = cursor
-        self._header = header
-        self._width = header.skeleton.n_channels
-        self._line = cursor.position()[0]
-        # Numbers on the lines before the current one, and on the current line so far.
-        self._n_numbers, self._n_on_line = 0, 0
-        # Line on which the last frame starts.
-        self._frame_line = self._line
-        # First line that holds a part of a frame; several frames; parts of two frames; 0 if none.
-        self._wrapped_line = self._joined_line = self._straddling_line = 0
-        self._straddling_message = ""
-        # Whether all lines hold as many numbers as the first, except for a shorter last line.
-        self._first_count, self._is_uniform, self._has_short_line = 0, True, False
+    def __init__(self, first: int) -> None:
+        self._line, self._n_on_line = first, 0  # current line, and its numbers so far
+        self._lines, self._counts = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
 
     def add(self, line_ends: IntArray, n_values: int) -> None:
         """Add `n_values` numbers and the line ends between them.
@@ -327,105 +207,101 @@ class _LineCheck:
         counts[0] += self._n_on_line
         self._n_on_line = n_values - int(line_ends[-1])
         not_blank = np.flatnonzero(counts)
-        lines = self._line + not_blank
+        self._lines.append(self._line + not_blank)
+        self._counts.append(counts[not_blank])
         self._line += len(counts)
-        if len(lines):
-            self._check_lines(lines, counts[not_blank])
 
-    def finish(self) -> tuple[int, int]:
-        """Complete the check after the last number; return the counts of frames and of numbers.
-
-        The second result is the count of numbers per frame: one per channel, or more if the lines
-        have surplus numbers.
-        """
-        self.add(np.array([0]), 0)
-        cursor, declared, width = self._cursor, self._header.n_frames, self._width
-        if not self._n_numbers and not declared:
-            cursor.fail("expected at least 1 frame, got Frames: 0", self._header.frames_position)
-        if not self._n_numbers:
-            cursor.skip_white_space()
-            word = describe_word(cursor.take_word())
-            cursor.fail(f"expected {declared} frames, got {word}")
-        n_frames, n_left = divmod(self._n_numbers, width)
-        try:
-            check_frames(n_frames)
-        except ValueError as error:
-            cursor.fail(str(error), self._header.frames_position)
-        is_declared = self._n_numbers == declared * width
-        position = (self._straddling_line or self._wrapped_line or self._joined_line, 1)
-        if self._straddling_line and self._has_surplus():
-            message = f"{self._first_count} numbers on each line for {width} channels"
-            cursor.tolerate("surplus", f"{message}; the last ones are ignored", position)
-            return declared, self._first_count
-        if self._straddling_line and not is_declared:
-            cursor.fail(self._straddling_message, position)
-        if n_left:
-            message = f"expected {width} numbers in the last frame, got {n_left}"
-            cursor.fail(message, (self._frame_line, 1))
-        if position[0] and not is_declared:
-            message = f"expected {declared} frames of {width} numbers, one on each line"
-            cursor.fail(f"{message}, got {n_frames} frames on lines of other lengths", position)
-        if self._straddling_line:
-            cursor.tolerate("lines", "frames continue across line ends", position)
-        elif self._wrapped_line:
-            cursor.tolerate("lines", "a frame wrapped over lines", position)
-        elif self._joined_line:
-            cursor.tolerate("lines", "several frames on one line", position)
-        if n_frames < declared and cursor.ends_in_word():
-            message = f"expected {declared} frames, got {n_frames} and no line end after the last"
-            cursor.fail(f"{message}: its last number may be incomplete", (self._frame_line, 1))
-        if not is_declared:
-            message = f"{declared} frames declared, {n_frames} found and used"
-            cursor.tolerate("frames", message, self._header.frames_position)
-        return n_frames, width
-
-    def _has_surplus(self) -> bool:
-        """Return whether each declared frame is one line with surplus numbers at its end."""
-        is_exact = self._is_uniform and not self._has_short_line
-        return (
-            is_exact
-            and self._first_count > self._width
-            and self._n_numbers == self._header.n_frames * self._first_count > self._first_count
-        )
-
-    def _check_lines(self, lines: IntArray, counts: IntArray) -> None:
-        """Check lines that are not blank: `lines` are their numbers, `counts` those of values."""
-        width, n_before = self._width, self._n_numbers
-        self._n_numbers += int(counts.sum())
-        self._first_count = self._first_count or int(counts[0])
-        starts_frame = n_before % width == 0
-        is_regular = self._first_count == width and not self._has_short_line and starts_frame
-        if is_regular and (counts == width).all():
-            self._frame_line = int(lines[-1])
-            return
-        self._check_uniformity(counts)
-        phases = (n_before + np.cumsum(counts) - counts) % width
-        starts = phases == 0
-        frame_lines = np.maximum.accumulate(np.where(starts, lines, self._frame_line))
-        self._frame_line = int(frame_lines[-1])
-        self._wrapped_line = self._wrapped_line or _first(lines, starts & (counts < width))
-        self._joined_line = self._joined_line or _first(lines, starts & (counts > width))
-        straddling = np.where(starts, counts % width, np.maximum(phases + counts - width, 0))
-        straddling[starts & (counts < width)] = 0
-        if not self._straddling_line and straddling.any():
-            k = int(np.flatnonzero(straddling)[0])
-            self._straddling_line = int(frame_lines[k])
-            got = str(counts[k])
-            if not starts[k]:
-                got = f"{phases[k]} and then {counts[k]} on line {lines[k]}"
-            self._straddling_message = f"expected a frame of {width} numbers, got {got}"
-        if self._straddling_line and not self._is_uniform:
-            self._cursor.fail(self._straddling_message, (self._straddling_line, 1))
-
-    def _check_uniformity(self, counts: IntArray) -> None:
-        different = np.flatnonzero(counts != self._first_count)
-        if self._has_short_line or (len(different) and different[0] < len(counts) - 1):
-            self._is_uniform = False
-        elif len(different):
-            self._has_short_line = True
-            self._is_uniform = self._is_uniform and bool(counts[-1] < self._first_count)
+    def arrays(self) -> tuple[IntArray, IntArray]:
+        """Return the lines that have ended, and their counts of numbers."""
+        return np.concatenate(self._lines), np.concatenate(self._counts)
 
 
-def _first(lines: IntArray, selected: npt.NDArray[np.bool_]) -> int:
-    """Return the first of `lines` for which `selected` is true; 0 if there is none."""
-    return int(lines[selected.argmax()]) if selected.any() else 0
+def _find_layout(
+    cursor: Cursor, width: int, lines: IntArray, counts: IntArray
+) -> tuple[str, int, str]:
+    """Return how frames of `width` numbers lie on lines; `counts` are the numbers on each.
+
+    The result is the text of a repair, the first line of the first frame that needs it, and, if
+    frames end inside lines, the text of an error. Texts are empty if there is nothing to state.
+
+    Usually, each line holds one frame. These layouts are valid, too, if the file has as many
+    frames as it declares:
+
+    - several whole frames on a line;
+    - a frame that continues on the next lines, where the next frame starts on a new line;
+    - the same count of numbers on all lines, except fewer on the last, whatever the frames;
+    - one line per frame with the same count of surplus numbers at its end, which are ignored.
+
+    In any other layout a number is missing or surplus, and all later numbers would be assigned to
+    wrong channels. Raises BvhError if frames end inside lines of different lengths.
+    """
+    n_before = (np.cumsum(counts) - counts) % width  # numbers of the frame on earlier lines
+    starts = n_before == 0
+    is_deviation = {
+        "frames continue across line ends": (n_before + counts > width)
+        & ~(starts & (counts % width == 0)),
+        "a frame wrapped over lines": starts & (counts < width),
+        "several frames on one line": starts & (counts > width),
+    }
+    found = [repair for repair, own in is_deviation.items() if own.any()]
+    if not found:
+        return "", 0, ""
+    repair = found[0]
+    first = int(is_deviation[repair].argmax())
+    line = int(lines[: first + 1][starts[: first + 1]][-1])
+    if repair != "frames continue across line ends":
+        return repair, line, ""
+    got = str(counts[first])
+    if n_before[first]:
+        got = f"{n_before[first]} and then {got} on line {lines[first]}"
+    error = f"expected a frame of {width} numbers, got {got}"
+    if (counts[:-1] != counts[0]).any() or counts[-1] > counts[0]:
+        cursor.fail(error, line=line)
+    return repair, line, error
+
+
+def _check_lines(
+    cursor: Cursor, header: Header, lines: IntArray, counts: IntArray
+) -> tuple[int, int]:
+    """Return the number of frames and of numbers for each, which may be more than the channels.
+
+    `lines` are those that are not blank, `counts` the numbers on each. Raises BvhError if a number
+    is missing or surplus; see `_find_layout`.
+    """
+    declared, width, n_numbers = header.n_frames, header.skeleton.n_channels, int(counts.sum())
+    if not n_numbers and not declared:
+        cursor.fail("expected at least 1 frame, got Frames: 0", header.frames_place)
+    if not n_numbers:
+        cursor.skip_white_space()
+        word = describe_word(cursor.take_word())
+        cursor.fail(f"expected {declared} frames, got {word}")
+    repair, line, error = _find_layout(cursor, width, lines, counts)
+    n_frames, n_left = divmod(n_numbers, width)
+    try:
+        check_frames(n_frames)
+    except ValueError as too_many:
+        cursor.fail(str(too_many), header.frames_place)
+    is_declared = n_numbers == declared * width
+    n_on_each = int(counts[0])
+    if error and n_on_each > width and (counts == n_on_each).all() and declared == len(counts) > 1:
+        message = f"{n_on_each} numbers on each line for {width} channels"
+        cursor.tolerate("surplus", f"{message}; the last ones are ignored", line=line)
+        return declared, n_on_each
+    if error and not is_declared:
+        cursor.fail(error, line=line)
+    last = int(lines[(np.cumsum(counts) - counts) % width == 0][-1])  # where the last frame starts
+    if n_left:
+        message = f"expected {width} numbers in the last frame, got {n_left}"
+        cursor.fail(message, line=last)
+    if repair and not is_declared:
+        message = f"expected {declared} frames of {width} numbers, one on each line"
+        cursor.fail(f"{message}, got {n_frames} frames on lines of other lengths", line=line)
+    if repair:
+        cursor.tolerate("lines", repair, line=line)
+    if n_frames < declared and cursor.ends_in_word():
+        message = f"expected {declared} frames, got {n_frames} and no line end after the last"
+        cursor.fail(f"{message}: its last number may be incomplete", line=last)
+    if not is_declared:
+        message = f"{declared} frames declared, {n_frames} found and used"
+        cursor.tolerate("frames", message, header.frames_place)
+    return n_frames, width

@@ -139,13 +139,10 @@ def _check_names(skeleton: Skeleton) -> None:
     if "" in skeleton.names:
         joint = skeleton.names.index("")
         raise ValueError(f"joint {joint} must have a name in a BVH file, got an empty name")
-    names = [*skeleton.names, *[site.name for site in skeleton.end_sites]]
-    for index, name in enumerate(names):
+    joints = [(f"joint {index}", name) for index, name in enumerate(skeleton.names)]
+    tips = [(f"the end site of {skeleton.names[s.parent]}", s.name) for s in skeleton.end_sites]
+    for owner, name in joints + tips:
         if _UNSUITABLE.search(name):
-            owner = f"joint {index}"
-            if index >= skeleton.n_joints:
-                site = skeleton.end_sites[index - skeleton.n_joints]
-                owner = f"the end site of {skeleton.names[site.parent]}"
             raise ValueError(
                 f"in a BVH file, the name of {owner} must not contain a line end, '{{' or a lone "
                 f"surrogate, or start or end with white space; got {name!r}"
