@@ -138,7 +138,7 @@ PAGES: dict[str, tuple[tuple[str, ...], str]] = {
         mograft graft amass/walk_poses.npz amass/wave_poses.npz -n 2 -o new
         mograft graft amass/walk_poses.npz amass/wave_poses.npz -o new_poses.npz
         mograft export new/walk_poses_graft1.bvh -o other_poses.npz --like amass/walk_poses.npz
-        mograft graft amass/walk_poses.npz amass/wave_poses.npz --skeleton amass/body.json -o body
+        mograft graft amass/walk_poses.npz amass/wave_poses.npz --skeleton amass/body.bvh -o body
         mograft info amass/walk_poses.npz demo/dance.bvh --match anatomy
         mograft graft amass/walk_poses.npz demo/dance.bvh --match anatomy -o mixed
         """,

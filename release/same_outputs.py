@@ -67,8 +67,9 @@ for name in ("walk", "wave"):
     other = {"gender": "female", "betas": rng.normal(size=16), "mocap_framerate": 60.0}
     np.savez(f"amass/{name}_poses.npz", poses=poses, trans=trans, **other)
 skeleton = mg.read("amass/walk_poses.npz")[0].skeleton
-offsets = dict(zip(skeleton.names, (1.1 * skeleton.offsets).tolist()))
-Path("amass/body.json").write_text(json.dumps(offsets))
+offsets, still = 1.1 * skeleton.offsets, np.tile([0, 0, 0, 1.0], (1, skeleton.n_joints, 1))
+body = mg.Motion(skeleton.with_offsets(offsets), 1.0, still, offsets[None])
+mg.write_bvh(body, "amass/body.bvh")
 """
 
 

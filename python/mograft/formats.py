@@ -10,14 +10,12 @@ from mograft.io.robots.model import read_model
 from mograft.io.robots.tables import write_table
 from mograft.io.robots.trackers import write_tracker
 from mograft.io.smpl.amass import write_amass
-from mograft.io.smpl.body_models import read_offsets
 from mograft.io.usd import write_usd
 
 __all__ = [
     "read_bvh",
     "read_model",
     "read_npz",
-    "read_offsets",
     "write_amass",
     "write_bvh",
     "write_csv",

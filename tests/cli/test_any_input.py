@@ -1,4 +1,4 @@
-"""Damaged settings, groups, tags, offsets and provenance give a result or one line of error."""
+"""Damaged settings, groups, tags and provenance give a result or one line of error."""
 
 import json
 from pathlib import Path
@@ -8,8 +8,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mograft.cli import main
-from mograft.io.smpl.body_models import SMPL_H, stand_in
-from tests.io.npz_files import dance_arrays, write_arrays
 
 SETTINGS = 'seed = 7\n[graft]\nvariety = 0.3\n[set]\nchoice = "viterbi"\n'
 TAGS = "clip,tags\na.bvh,walk,slow\n*.bvh,run\n"
@@ -17,7 +15,6 @@ COMMANDS = {
     "mograft.toml": ["config", "show", "graft"],
     "groups.toml": ["candidates", "a.bvh", "--segment", "3", "--groups", "groups.toml"],
     "tags.csv": ["index", "a.bvh", "-o", "library", "--force", "--tags", "tags.csv"],
-    "offsets.json": ["info", "walk_poses.npz", "--skeleton", "offsets.json"],
     "a_graft.json": ["graft", "--from", "a_graft.json", "-o", "again.bvh", "--force"],
 }
 
@@ -57,9 +54,6 @@ def valid(clip, tmp_path_factory):
     folder = tmp_path_factory.mktemp("valid")
     assert main(["graft", str(clip), "-o", str(folder / "a_graft.bvh")]) == 0
     assert main(["groups", str(clip), "-o", str(folder / "groups.toml")]) == 0
-    body = stand_in(SMPL_H)
-    offsets = dict(zip(body.names, body.offsets.tolist(), strict=True))
-    (folder / "offsets.json").write_text(json.dumps(offsets))
     (folder / "mograft.toml").write_text(SETTINGS)
     (folder / "tags.csv").write_text(TAGS)
     return {name: (folder / name).read_text() for name in COMMANDS}
@@ -70,7 +64,6 @@ def test_damaged_file_gives_an_exit_code_and_no_exception(
     working_folder, clip, valid, capsys, name, request
 ):
     (working_folder / "a.bvh").symlink_to(clip)
-    write_arrays("walk_poses.npz", dance_arrays(0))
     Path(name).write_text(valid[name])
     assert main(COMMANDS[name]) == 0
     n_examples = 300 if request.config.getoption("--thorough") else 15

@@ -10,7 +10,7 @@ from mograft import JointGroups, Library, formats
 from mograft.io.smpl.body_models import SMPL_H, stand_in
 from mograft.stream.server import StreamServer
 from mograft.viewing.page import view
-from tests.io.npz_files import amass_arrays, dance_arrays, write_arrays
+from tests.io.npz_files import amass_arrays, dance_arrays, write_arrays, write_rest_pose
 from tests.library.test_matched_libraries import OTHER, PARTS
 
 
@@ -74,11 +74,9 @@ def test_index_match_anatomy_keeps_match_and_refuses_it_with_add(
 
 @pytest.fixture
 def body(tmp_path):
-    """A rest pose as a JSON file: the stand-in, 5 % larger."""
+    """A file with a rest pose: the stand-in with bones that are 5 % longer."""
     skeleton = stand_in(SMPL_H)
-    offsets = dict(zip(skeleton.names, (1.05 * skeleton.offsets).tolist(), strict=True))
-    (tmp_path / "body.json").write_text(json.dumps(offsets))
-    return tmp_path / "body.json"
+    return write_rest_pose(skeleton.with_offsets(1.05 * skeleton.offsets), tmp_path / "body.bvh")
 
 
 def test_skeleton_option_sets_the_rest_pose_of_amass_files(run, succeed, body, tmp_path):
@@ -106,20 +104,19 @@ def test_skeleton_option_of_view_and_plot_sets_the_positions(succeed, body, tmp_
     walk = write_arrays(tmp_path / "walk.npz", amass_arrays(n_frames=200))
     page, picture, pictures = tmp_path / "page.html", tmp_path / "strip.svg", []
     succeed("view", walk, "--skeleton", body, "-o", page)
-    motion = mg.read(walk, skeleton=formats.read_offsets(body))[0]
+    motion = mg.read(walk, skeleton=mg.read(body)[0].skeleton)[0]
     assert page.read_bytes() == view(motion, show=False).html.encode()
     for words in ((), ("--skeleton", body)):
         succeed("plot", "strip", walk, *words, "--force", "-o", picture)
         pictures.append(picture.read_bytes())
-    # The poses of a strip fill the picture: a body 5 % larger has other numbers on its axes.
+    # The poses of a strip fill the picture, but the ends of the bones are not longer.
     assert pictures[0] != pictures[1]
     succeed("plot", "timeline", walk, "--skeleton", body, "-o", tmp_path / "timeline.svg")
 
 
 def test_skeleton_option_of_check_and_groups_must_fit_the_file(run, body, tmp_path):
     walk = write_arrays(tmp_path / "walk.npz", amass_arrays(n_frames=200))
-    other = tmp_path / "other.json"
-    other.write_text('{"nose": [0, 0, 1]}')
+    other = write_rest_pose(mg.Skeleton(["nose"], [-1], [[0, 0, 1]]), tmp_path / "other.bvh")
     for words in (["check", walk], ["groups", walk], ["groups", walk, "--preset", "auto:2"]):
         assert run(*words, "--skeleton", body)[0] == 0
         code, _, err = run(*words, "--skeleton", other)

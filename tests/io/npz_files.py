@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mograft import Motion, Skeleton
+from mograft import Motion, Skeleton, write_bvh
 from mograft.dancer import dance
 from mograft.io.kimodo import SKELETONS
 from mograft.io.smpl.body_models import SMPL_H, stand_in
@@ -43,6 +43,13 @@ def dance_arrays(seed=0, n_frames=400):
     arrays = amass_arrays(156, body.n_frames, seed)
     poses = rotations.log(body.rotations).reshape(body.n_frames, -1)
     return arrays | {"poses": poses, "trans": body.positions[:, 0].copy()}
+
+
+def write_rest_pose(skeleton, path):
+    """Write a skeleton as a BVH of one frame in its rest pose, and return the path."""
+    still = np.tile(rotations.IDENTITY, (1, skeleton.n_joints, 1))
+    write_bvh(Motion(skeleton, 1.0, still, skeleton.offsets[None]), path)
+    return path
 
 
 def write_arrays(path, arrays):

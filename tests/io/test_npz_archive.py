@@ -17,7 +17,7 @@ from mograft.io.kimodo import SKELETONS
 from mograft.io.npz import open_npz_archive
 from tests.fuzz import npz as fuzz_npz
 from tests.hierarchies import DATA
-from tests.io.npz_files import kimodo_arrays, write_arrays
+from tests.io.npz_files import amass_arrays, kimodo_arrays, write_arrays
 from tests.memory import PEAK_BYTES
 from tests.strategies import SEEDS, assert_same_rotations, few_examples
 
@@ -110,18 +110,59 @@ def test_npz_bomb_is_refused_in_bounded_memory(tmp_path):
     assert int(mebibytes) < 100
 
 
+AMASS, KIMODO = amass_arrays(156, 4), kimodo_arrays()[0]
+EMPTY = {"root_orient": np.zeros((0, 3)), "pose_body": np.zeros((0, 63)), "trans": np.zeros((0, 3))}
+zeros = np.zeros
+
+
 @pytest.mark.parametrize(
-    ("arrays", "message"),
+    ("base", "changes", "message"),
     [
-        ({"x": np.zeros(3)}, r"expected the arrays of mograft \(`format`\), AMASS .*, got x$"),
-        ({"format": np.array("other/2")}, "`format`: expected mograft.motion/1, got other/2"),
-        ({"format": np.array(None)}, "array `format`: expected numbers, got pickled objects"),
-        ({"format": np.array("mograft.motion/1")}, "array `names`: expected this array, got none"),
+        ({}, {"x": zeros(3)}, r"expected the arrays of mograft \(`format`\), AMASS .*, got x$"),
+        ({}, {"format": np.array("other/2")}, "`format`: expected mograft.motion/1, got other/2"),
+        ({}, {"format": np.array(None)}, "array `format`: expected numbers, got pickled objects"),
+        ({}, {"format": np.array("mograft.motion/1")}, "array `names`: expected this array, got n"),
+        (AMASS, {"poses": zeros((4, 150))}, r"`poses`: expected 72 \(SMPL\), 156 .* got 150"),
+        (AMASS, {"poses": zeros(156)}, r"`poses`: expected shape \(n_frames, n_columns\)"),
+        (AMASS, EMPTY | {"poses": zeros((0, 156))}, "`poses`: expected at least"),
+        (EMPTY, {}, "`root_orient`: expected at least"),
+        (AMASS, {"trans": zeros((5, 3))}, r"`trans`: expected shape \(4, 3\), got \(5, 3\)"),
+        (AMASS, {"poses": np.full((4, 156), "x")}, "`poses`: expected real numbers, got <U1"),
+        (AMASS, {"poses": zeros((4, 156)) + np.nan}, r"`poses`: .* finite .* nan at \[0, 0\]"),
+        (AMASS, {"trans": np.full((4, 3), 1e309)}, r"`trans`: expected finite numbers, got inf"),
+        (AMASS, {"poses": np.full((4, 156), None)}, "`poses`: expected numbers, got pickled"),
+        (AMASS, {"mocap_framerate": None}, "`mocap_framerate`: expected frames per second, got no"),
+        (AMASS, {"mocap_framerate": np.array(0.0)}, "`mocap_framerate`: expected frames per sec"),
+        (AMASS, {"mocap_framerate": np.array("60")}, "`mocap_framerate`: expected real numbers"),
+        (AMASS, {"mocap_framerate": zeros(4)}, r"`mocap_framerate`: expected shape \(1,\), got"),
+        (AMASS, {"pose_body": zeros((4, 3))}, r"`pose_body`: expected shape \(4, 63\), got"),
+        (KIMODO, {"posed_joints": zeros((5, 31, 3))}, r"`global_rot_mats`: expected shape \(5, 31"),
+        (KIMODO, {"posed_joints": zeros((6, 30, 3))}, r"`global_rot_mats`: expected shape \(6, 30"),
+        (KIMODO, {"posed_joints": zeros((1, 5, 30, 3))}, "`posed_joints`: expected shape"),
+        (KIMODO, {"posed_joints": zeros((5, 30, 3)) + np.nan}, "`posed_joints`: expected finite"),
+        (KIMODO, {"global_rot_mats": zeros((5, 30, 4))}, r"`global_rot_mats`: expected shape \(5,"),
+        (KIMODO, {"global_rot_mats": zeros((5, 30, 3, 3))}, r"rotation matrices, .* at \[0, 0\]"),
+        (KIMODO, {"global_rot_mats": zeros((5, 30, 3, 3)) + 1e300}, "expected rotation matrices"),
+        (KIMODO, {"global_rot_mats": zeros((5, 30, 3, 3)) - np.eye(3)}, "expected rotation matri"),
+        (
+            {},
+            {"posed_joints": zeros((5, 31, 3)), "global_rot_mats": zeros((5, 31, 3, 3))},
+            "posed_joints`: expected 22 .* joints, got 31",
+        ),
+        (
+            {},
+            {"posed_joints": zeros((0, 30, 3)), "global_rot_mats": zeros((0, 30, 3, 3))},
+            "`posed_joints`: expected at least one frame",
+        ),
     ],
+    ids=range(28),
 )
-def test_npz_of_unknown_content_raises_format_error(tmp_path, arrays, message):
-    path = write_arrays(tmp_path / "a.npz", arrays)
-    with pytest.raises(mg.FormatError, match=r"a\.npz: .*" + message):
+def test_npz_of_wrong_content_raises_format_error_naming_the_array(
+    tmp_path, base, changes, message
+):
+    arrays = {name: own for name, own in (base | changes).items() if own is not None}
+    path = write_arrays(tmp_path / "walk.npz", arrays)
+    with pytest.raises(mg.FormatError, match=r"walk\.npz: .*" + message):
         mg.read(path)[0]
 
 
@@ -175,7 +216,7 @@ def test_npz_without_memory_for_an_array_is_not_called_damaged(tmp_path, monkeyp
         archive.read("x", (3,))
 
 
-@pytest.mark.parametrize("seed", [*fuzz_npz.SEEDS, *range(100)])
+@pytest.mark.parametrize("seed", range(100))
 def test_npz_fuzzed_file_gives_motion_or_format_error(tmp_path, seed):
     fuzz_npz.check(seed, tmp_path)
 
@@ -215,29 +256,3 @@ def test_read_kimodo_stretched_bone_keeps_positions(tmp_path):
     np.testing.assert_allclose(motion.world_positions(), arrays["posed_joints"], atol=2e-5)
     assert np.flatnonzero(motion.is_translated).tolist() == [0, 22]
     assert motion.skeleton.channels[22][:3] == ("Xposition", "Yposition", "Zposition")
-
-
-def zeros(*shape):
-    return np.zeros(shape)
-
-
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ((zeros(5, 31, 3), zeros(5, 31, 3, 3)), "posed_joints`: expected 22 .* joints, got 31"),
-        ((None, zeros(5, 30, 4)), r"`global_rot_mats`: expected shape \(5, 30"),
-        ((zeros(6, 30, 3), None), r"`global_rot_mats`: expected shape \(6, 30"),
-        ((zeros(1, 5, 30, 3), None), "`posed_joints`: expected shape"),
-        ((None, zeros(5, 30, 3, 3)), r"expected rotation matrices, .* at \[0, 0\]"),
-        ((None, zeros(5, 30, 3, 3) + 1e300), "expected rotation matrices"),
-        ((None, zeros(5, 30, 3, 3) + np.diag([1.0, 1, -1])), "expected rotation matrices"),
-        ((zeros(5, 30, 3) + np.nan, None), "`posed_joints`: expected finite"),
-        ((zeros(0, 30, 3), zeros(0, 30, 3, 3)), "`posed_joints`: expected at least one frame"),
-    ],
-)
-def test_read_kimodo_wrong_array_raises_format_error_naming_it(tmp_path, changed, message):
-    pairs = zip(("posed_joints", "global_rot_mats"), changed, strict=True)
-    arrays = kimodo_arrays()[0] | {name: array for name, array in pairs if array is not None}
-    path = write_arrays(tmp_path / "walk.npz", arrays)
-    with pytest.raises(mg.FormatError, match=r"walk\.npz: array .*" + message):
-        mg.read(path)[0]

@@ -22,7 +22,7 @@ import pytest
 import mograft
 from mograft.cli import main
 from mograft.io.smpl.body_models import SMPL_H, stand_in
-from tests.io.npz_files import dance_arrays, write_arrays
+from tests.io.npz_files import dance_arrays, write_arrays, write_rest_pose
 from tests.io.robot_files import write_walks
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -85,12 +85,10 @@ def run_python(text, names, page):
 
 
 def make_amass_files():
-    """Write the AMASS-like files and the offsets that the page about AMASS names."""
+    """Write the AMASS-like files and the body that the page about AMASS names."""
     for seed, name in enumerate(("walk", "wave")):
         write_arrays(f"{name}_poses.npz", dance_arrays(seed))
-    skeleton = stand_in(SMPL_H)
-    offsets = dict(zip(skeleton.names, skeleton.offsets.tolist(), strict=True))
-    Path("body.json").write_text(json.dumps(offsets))
+    write_rest_pose(stand_in(SMPL_H), "body.bvh")
 
 
 PREPARATIONS = {"amass.md": make_amass_files, "robots.md": lambda: write_walks(Path())}

@@ -27,7 +27,6 @@ from mograft.config import Config, scale_of_variety
 from mograft.config_text import parse_fields
 from mograft.io.formats import open_clips, read_clip, split_address
 from mograft.io.robots.model import read_model
-from mograft.io.smpl.body_models import read_offsets
 from mograft.library.build import discover_groups
 from mograft.library.derive import BUILD_STAGES
 from mograft.library.ingest_run import MISMATCH_REMEDY, IngestOptions
@@ -170,10 +169,7 @@ def selected_skeleton(options: SkeletonOptions) -> Skeleton | None:
             f"--{given} requires --model, the MJCF or URDF file of a robot: only files of robots, "
             f"which are tables, may have no {lack}"
         )
-    if name is None:
-        return None
-    is_json = Path(name).suffix.lower() == ".json"
-    return read_offsets(Path(name)) if is_json else open_clips(name)[0].skeleton
+    return None if name is None else open_clips(name)[0].skeleton
 
 
 def selected_groups(given: str | None) -> JointGroups | str:

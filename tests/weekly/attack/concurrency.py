@@ -19,7 +19,6 @@ EXEMPT = {
     "write_usd": "needs an optional package",
     "write_video": "runs ffmpeg",
     "write_amass": "needs a file of AMASS",
-    "read_offsets": "reads one JSON file, without a library or motion",
     "write_glb_animations": "is run by write_graft on a glTF base only",
     "subtree": "makes a string",
     **dict.fromkeys(("read_model", "write_table", "write_tracker"), "needs the model of a robot"),

@@ -62,7 +62,7 @@ def _hostile(text, rng):
 
 
 def hostile_texts(folder, count):
-    """Read hostile settings, joint groups, offsets and provenance."""
+    """Read hostile settings, joint groups and provenance."""
     rng, place = random.Random(0), folder / "hostile"
     make_inputs(folder)
     code, groups, err = run("groups in/a.bvh", folder)
@@ -70,10 +70,6 @@ def hostile_texts(folder, count):
     cases = {
         "mograft.toml": (_TOML, "config show graft"),
         "groups.toml": (groups, "candidates ../in/a.bvh --segment 1 --groups groups.toml"),
-        "offsets.json": (
-            '{"left_hip": [1.0, 0.3, 8], "right_hip": [0.3, 8, 1]}',
-            "info ../in/a.bvh --skeleton offsets.json",
-        ),
         "g.json": ((folder / "made/g.json").read_text(), "graft --from g.json -o g.bvh --force"),
     }
     for number in range(count):

@@ -48,8 +48,8 @@ class SkeletonOptions(ResultOptions, section="input"):
 
     files: tuple[values.Source, ...] = positional("motion files, or folders of them", "+")
     skeleton: values.Source | None = setting(
-        "file with the rest pose of input files that store none, such as those of AMASS: a motion "
-        "file, or a .json file of joint offsets (default: published body proportions)",
+        "motion file with the rest pose of input files that store none, such as those of AMASS "
+        "(default: published body proportions)",
         is_expert=True,
     )
     model: values.Source | None = setting("model of a robot, MJCF or URDF")

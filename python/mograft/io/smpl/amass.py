@@ -33,25 +33,15 @@ class AmassFile:
     archive: NpzArchive
     model: BodyModel
     n_frames: int
+    columns: dict[str, slice]  # of the poses in each array: in ``poses``, those of parts, or both
     rate_name: str | None  # of the array with the frames per second; None if there is none
-
-    @property
-    def pose_names(self) -> tuple[str, ...]:
-        """Names of the arrays that hold rotations: ``poses``, those of body parts, or both."""
-        return tuple(n for n in ("poses", *self.model.columns) if n in self.archive.headers)
-
-    def columns(self, name: str) -> slice:
-        """Return the columns of ``poses`` that an array of `pose_names` holds."""
-        return slice(0, self.model.n_columns) if name == "poses" else self.model.columns[name]
 
     def poses(self) -> FloatArray:
         """Read the rotation vectors, shape (n_frames, n_columns); zero for absent parts."""
-        names = ("poses",) if "poses" in self.pose_names else self.pose_names
+        names = ("poses",) if "poses" in self.columns else self.columns
         vectors = np.zeros((self.n_frames, self.model.n_columns))
         for name in names:
-            columns = self.columns(name)
-            shape = (self.n_frames, columns.stop - columns.start)
-            vectors[:, columns] = self.archive.read_floats(name, shape)
+            vectors[:, self.columns[name]] = self.archive.read_floats(name, ("n_frames", "n"))
         return vectors
 
     def rate(self, given: float | None) -> float:
@@ -90,15 +80,13 @@ def open_amass_file(path: Path) -> AmassFile:
         model = SMPL_X if has_face else SMPL_H
     if n_frames == 0:
         raise archive.error(name, "expected at least one frame, got none")
-    with errors_of_file(path):
-        limits.check_frames(n_frames)
-    rate_name = next((name for name in _RATE_NAMES if name in archive.headers), None)
-    file = AmassFile(archive, model, n_frames, rate_name)
-    for name in file.pose_names:
-        columns = file.columns(name)
-        archive.header(name, (n_frames, columns.stop - columns.start))
+    parts = {"poses": slice(0, model.n_columns), **model.columns}
+    columns = {name: own for name, own in parts.items() if name in archive.headers}
+    for name, own in columns.items():
+        archive.header(name, (n_frames, own.stop - own.start))
     archive.header("trans", (n_frames, 3))
-    return file
+    rate_name = next((name for name in _RATE_NAMES if name in archive.headers), None)
+    return AmassFile(archive, model, n_frames, columns, rate_name)
 
 
 def to_motion(file: AmassFile, rest: Skeleton, rate: float | None) -> Motion:
@@ -132,15 +120,15 @@ def open_amass(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> 
 
 def _notes(file: AmassFile) -> list[str]:
     """Return notes on a missing rate, missing parts, and arrays that are not in the motion."""
-    used = {*file.pose_names, "trans", file.rate_name}
+    used = {*file.columns, "trans", file.rate_name}
     headers = file.archive.headers
     pickled = [name for name, header in headers.items() if header.dtype.hasobject]
     kept = [name for name in headers if name not in used and name not in pickled]
     notes = []
     if file.rate_name is None:
         notes.append("frames per second: those given, because the file states none")
-    if "poses" not in file.pose_names:
-        absent = [name for name in file.model.columns if name not in file.pose_names]
+    if "poses" not in file.columns:
+        absent = [name for name in file.model.columns if name not in file.columns]
         notes += [f"poses: zero for {join_names(absent)}"] if absent else []
     if kept:
         notes.append(f"arrays that are not part of the motion: {join_names(kept)}")
@@ -200,7 +188,7 @@ def write_amass(
     translations = motion.positions[:, 0] - motion.skeleton.offsets[0]
     replaced = {
         name: _merge(file, name, vectors[:, columns], is_same[:, columns])
-        for name, columns in ((name, file.columns(name)) for name in file.pose_names)
+        for name, columns in file.columns.items()
     }
     replaced["trans"] = _merge(file, "trans", translations, is_same_place)
     rate = file.rate(motion.rate)
@@ -256,8 +244,8 @@ def _check_channels(motion: Motion, file: AmassFile) -> None:
             f"{skeleton.names[moved[0] + 1]}"
         )
     stored = np.zeros(model.n_columns, bool)
-    for name in file.pose_names:
-        stored[file.columns(name)] = True
+    for columns in file.columns.values():
+        stored[columns] = True
     is_turned = np.abs(motion.rotations[..., :3]).max(axis=(0, 2)) > 0
     lost = np.flatnonzero(is_turned & ~stored[::3])
     if len(lost):

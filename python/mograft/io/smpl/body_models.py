@@ -17,21 +17,18 @@ fingers and the depth of the face. The pose is a T-pose, as in SMPL: y up, the l
 facing +z.
 """
 
-import json
-import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.body.anatomy import anatomy
 from mograft.body.joint_names import ARM, LEG
-from mograft.errors import FormatError, join_names, suggest_name
+from mograft.errors import join_names
 from mograft.io.export_figure import UNITS, guess_unit
 from mograft.motion.skeleton import CHANNELS, EndSite, Skeleton
 
@@ -128,9 +125,6 @@ SMPL_X = BodyModel(
 MODELS = (SMPL, SMPL_H, SMPL_X)
 
 
-MAX_OFFSETS_BYTES = 2**20
-"""Largest file of offsets that is read."""
-
 STATURE = 1.7
 """Stature of the stand-in in metres."""
 
@@ -177,61 +171,6 @@ _ENDS = {
 
 # A bone begins at the first joint of a body part and ends at the first joint of the next part.
 _NEXT_PART = dict([*pairwise(LEG), *pairwise(ARM[:-1]), ("neck", "head")])
-
-
-def read_offsets(path: str | os.PathLike[str]) -> Skeleton:
-    """Read the rest pose of a body of the SMPL family from a JSON file of offsets.
-
-    Parameters
-    ----------
-    path : str or path
-        A file with one JSON object: the name of each joint, such as ``left_hip``, with its position
-        relative to its parent, ``[x, y, z]`` in metres, in the axes of SMPL (T-pose, y up, the left
-        side at +x). The 21 joints of the body below the pelvis are required; hands and face are
-        optional. The offset of the pelvis is its rest position, which is added to ``trans``; its
-        default is 0.
-
-    Returns
-    -------
-    Skeleton
-        The rest pose, for the argument `skeleton` of `read`.
-
-    Raises
-    ------
-    FormatError
-        If the file has other content.
-    OSError
-        If the file cannot be read.
-    """
-    path = Path(path)
-    with path.open("rb") as file:
-        data = file.read(MAX_OFFSETS_BYTES + 1)
-    if len(data) > MAX_OFFSETS_BYTES:
-        raise FormatError("expected at most 1 MiB of joint offsets, got more", path)
-    try:
-        given = json.loads(data, parse_int=float)  # an int may be too large for a float
-    except (ValueError, RecursionError) as error:
-        raise FormatError(f"expected JSON: {error}", path) from error
-    if not isinstance(given, dict):
-        kind = type(given).__name__
-        raise FormatError(f"expected an object with joint offsets, got a {kind}", path)
-    offsets: dict[str, FloatArray] = {"pelvis": np.zeros(3)}
-    for key, value in given.items():
-        name = _smpl_name(key)
-        if name not in PARENT_OF_JOINT:
-            hint = suggest_name(key, list(PARENT_OF_JOINT))
-            raise FormatError(f"expected the name of an SMPL joint{hint}", path, key)
-        is_vector = isinstance(value, list) and [type(x) for x in value] == [float] * 3
-        if not is_vector or not np.isfinite(value).all():
-            raise FormatError("expected [x, y, z] in metres", path, key)
-        offsets[name] = np.array(value, np.float64)
-    required = [*BODY_JOINTS, *(PARENT_OF_JOINT[name] for name in offsets if name != "pelvis")]
-    missing = [name for name in dict.fromkeys(required) if name not in offsets]
-    if missing:
-        message = f"expected all joints of the body, got none for {join_names(missing)}"
-        raise FormatError(message, path)
-    names = tuple(name for name in PARENT_OF_JOINT if name in offsets)
-    return Skeleton(names, smpl_parents(names), np.array([offsets[name] for name in names]))
 
 
 @cache
