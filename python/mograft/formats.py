@@ -5,7 +5,7 @@ from mograft.io.bvh.writer import write_bvh
 from mograft.io.csv import write_csv
 from mograft.io.glb import write_glb
 from mograft.io.gltf.writer import write_glb_animations
-from mograft.io.npz import read_npz, write_npz
+from mograft.io.npz import write_npz
 from mograft.io.robots.model import read_model
 from mograft.io.robots.tables import write_table
 from mograft.io.robots.trackers import write_tracker
@@ -15,7 +15,6 @@ from mograft.io.usd import write_usd
 __all__ = [
     "read_bvh",
     "read_model",
-    "read_npz",
     "write_amass",
     "write_bvh",
     "write_csv",

@@ -32,27 +32,18 @@ def test_read_content_decides_over_suffix(tmp_path):
         assert mg.read(tmp_path / name).format == "BVH"
 
 
-def test_read_missing_file_raises_file_not_found(tmp_path):
-    with pytest.raises(FileNotFoundError, match="No such file"):
-        mg.read(tmp_path / "no.bvh")
-
-
-def test_clips_index_that_does_not_exist_raises_error_naming_file(tmp_path):
-    mg.write_bvh(dance(strides=1).motion[:3], tmp_path / "dance.bvh")
-    clips = mg.read(tmp_path / "dance.bvh")
+def test_read_clips_are_indexed_and_resampled(tmp_path):
+    path = tmp_path / "dance.bvh"
+    mg.write_bvh(dance(strides=1).motion[:61], path)
+    clips = mg.read(path, rate=10)
     assert clips[-1].name == clips[np.int64(0)].name == "dance"
+    assert clips[0].n_frames == 21
     with pytest.raises(IndexError, match=r"dance\.bvh has 1 clip, got the index 1"):
         clips[1]
     with pytest.raises(TypeError, match="must be an integer, name or slice, got float"):
         clips[0.0]
-
-
-def test_read_rate_resamples(tmp_path):
-    motion = dance(strides=1).motion[:61]
-    mg.write_bvh(motion, tmp_path / "dance.bvh")
-    assert mg.read(tmp_path / "dance.bvh", rate=10)[0].n_frames == 21
     with pytest.raises(ValueError, match="`rate` must be above 0"):
-        mg.read(tmp_path / "dance.bvh", rate=0)
+        mg.read(path, rate=0)
 
 
 def test_split_address_prefers_longest_existing_path(tmp_path, monkeypatch):
@@ -65,14 +56,6 @@ def test_split_address_prefers_longest_existing_path(tmp_path, monkeypatch):
     assert split_address("c#d.bvh") == ("c#d.bvh", None)
     assert split_address("none.glb#a#b") == ("none.glb#a", "b")
     assert split_address("#b") == ("", "b")
-
-
-def test_find_addresses_unknown_clip_raises_value_error(tmp_path):
-    path = tmp_path / "dance.bvh"
-    mg.write_bvh(dance(strides=1).motion[:3], path)
-    assert find_addresses(f"{path}#d*") == find_addresses(str(path)) == [str(path)]
-    with pytest.raises(ValueError, match="has no clip named 'dnace'; did you mean 'dance'"):
-        find_addresses(f"{path}#dnace")
 
 
 @pytest.mark.parametrize(
@@ -93,6 +76,7 @@ def test_open_clips_parses_a_file_once_and_again_after_a_change(tmp_path, monkey
         io_formats, "read", lambda path, **options: parsed.append(path) or real(path, **options)
     )
     addresses = find_addresses(str(path))
+    assert find_addresses(f"{path}#dance*") == addresses
     assert [read_clip(address).n_frames for address in addresses] == [9, 4]
     assert parsed == [str(path)]
     mg.formats.write_glb([motion[:5], motion[:6]], path)
@@ -106,7 +90,7 @@ def test_npz_round_trip_has_precision_of_float32_and_the_same_bytes(tmp_path_fac
     for target in (path, path.with_name("again.npz")):
         formats.write_npz(motion, target)
     assert path.read_bytes() == target.read_bytes()
-    again = formats.read_npz(path)
+    again = mg.read(path)[0]
     assert again.name == motion.name
     strategies.assert_same_rotations(again.rotations, motion.rotations, atol=1e-6)
     np.testing.assert_allclose(again.positions, motion.positions, rtol=1e-6, atol=1e-30)
@@ -169,7 +153,7 @@ def test_hostile_names_are_escaped_in_all_formats(motion, tmp_path, name):
     assert rows[0][2] == f"{formula}{encoded}~0.x"
     formats.write_npz(renamed, tmp_path / "m.npz")
     # NumPy drops null characters at the end of strings; without a name, that of the file is read.
-    assert formats.read_npz(tmp_path / "m.npz").name == (encoded.rstrip("\0") or "m")
+    assert mg.read(tmp_path / "m.npz")[0].name == (encoded.rstrip("\0") or "m")
     formats.write_glb(renamed, tmp_path / "m.glb")
     document = Glb(tmp_path / "m.glb").document
     assert document["nodes"][0]["name"] == encoded

@@ -96,7 +96,6 @@ CALLS = {
     **{own.__name__: on_clip(own) for own in (mg.plant_feet, mg.kinetic_energy, mg.mirror)},
     "read": on_file(mg.write_bvh, ".bvh", lambda path: mg.read(path)[0]),
     "read_bvh": on_file(mg.write_bvh, ".bvh", mg.read_bvh),
-    "read_npz": on_file(formats.write_npz, ".npz", formats.read_npz),
     "write_bvh": on_file(mg.write_bvh, ".bvh"),
     "write_npz": on_file(formats.write_npz, ".npz"),
     "write_csv": on_file(formats.write_csv, ".csv"),
