@@ -1,4 +1,4 @@
-"""Random robots, their models as text, and their bodies by products of matrices."""
+"""Random robots and their models as text; a humanoid that walks."""
 
 from dataclasses import dataclass
 
@@ -78,11 +78,6 @@ def to_mjcf(parts, *, degrees=False):
     return f"<mujoco>{compiler}<worldbody>\n{body(0)}\n</worldbody></mujoco>\n"
 
 
-def _turn(quat):
-    """Return the rotation of a quaternion wxyz of any length."""
-    return Rotation.from_quat(np.roll(quat, -1))
-
-
 def to_urdf(parts):
     """The model as URDF; each body has one hinge without anchor, or none."""
     lines = ["<robot name='r'>"]
@@ -90,7 +85,7 @@ def to_urdf(parts):
         lines += [f'<link name="{part.name}"><inertial><origin xyz="{_text(part.center)}"/>']
         lines[-1] += f'<mass value="{part.mass:.17g}"/></inertial></link>'
     for part in parts[1:]:
-        angles = _turn(part.quat).as_euler("xyz")
+        angles = Rotation.from_quat(np.roll(part.quat, -1)).as_euler("xyz")
         name, axis, _, low, high = (*part.hinges, (part.name, [1, 0, 0], 0, 0, 0))[0]
         kind = "revolute" if part.hinges else "fixed"
         lines += [
@@ -100,40 +95,6 @@ def to_urdf(parts):
             f'<limit lower="{low:.17g}" upper="{high:.17g}" velocity="7"/></joint>',
         ]
     return "\n".join([*lines, "</robot>"])
-
-
-def body_places(parts, root_place, root_quat, angles):
-    """World rotations (matrices), origins and centres of mass of all bodies in one pose.
-
-    `angles` are by name of the hinge, the quaternion of the root is wxyz.
-    """
-    turns, places, centers = [], [], []
-    for part in parts:
-        if part.parent < 0:
-            turn, place = _turn(root_quat).as_matrix(), np.asarray(root_place, float)
-        else:
-            above = turns[part.parent]
-            place = places[part.parent] + above @ part.place
-            turn = above @ _turn(part.quat).as_matrix()
-        for name, axis, anchor, *_ in part.hinges:
-            point = place + turn @ anchor
-            own = angles[name] * np.asarray(axis) / np.linalg.norm(axis)
-            turn = turn @ Rotation.from_rotvec(own).as_matrix()
-            place = point - turn @ anchor
-        turns.append(turn)
-        places.append(place)
-        centers.append(place + turn @ part.center)
-    return np.array(turns), np.array(places), np.array(centers)
-
-
-def depth_first(parts):
-    """The indices of the bodies in the order of a model: depth first."""
-
-    def below(index):
-        own = [i for i, part in enumerate(parts) if part.parent == index]
-        return [index, *(k for i in own for k in below(i))]
-
-    return below(0)
 
 
 def smooth_angles(hinges, rng, n_frames, share=0.8):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 import mograft as mg
 from mograft.io.robots.poses import Pose, to_motion, to_pose
@@ -62,13 +63,26 @@ def walking_pose(model, heading, n_frames=60):
     return standing_pose(model, quats, angles)
 
 
-def table_text(pose, order="xyzw", unit=1.0, *, degrees=False, digits=6, header=None):
-    """Return a table with a number of digits; None means numbers of single precision."""
+def table_text(model, pose, order="xyzw", unit=1.0, *, degrees=False, digits=6, first=None):
+    """Return a table with a number of digits; None means numbers of single precision.
+
+    With `first`, the names of the first columns, there is a header.
+    """
     turn = 180 / np.pi if degrees else 1.0
-    rows = np.hstack([pose.positions / unit, pose.quats[:, ORDERS[order]], turn * pose.angles])
+    turns = pose.quats[:, ORDERS.get(order, [])]
+    if order == "xyz":  # about fixed axes
+        turns = turn * Rotation.from_quat(pose.quats).as_euler("xyz")
+    rows = np.hstack([pose.positions / unit, turns, turn * pose.angles])
     rows, form = (rows, f".{digits}f") if digits else (rows.astype(np.float32), ".18e")
-    lines = [header] if header else []
-    return "\n".join(lines + [",".join(f"{v:{form}}" for v in row) for row in rows]) + "\n"
+    lines = [[f"{value:{form}}" for value in row] for row in rows]
+    if first is not None:
+        for frame, line in enumerate(lines):
+            line[:0] = [str(frame) if name == "Frame" else f"{frame / 50:{form}}" for name in first]
+        kind = "rotate" if order == "xyz" else "quat"
+        names = [*first, *(f"root_pos_{axis}" for axis in "xyz")]
+        names += [f"root_{kind}_{axis}" for axis in order]
+        lines.insert(0, names + [f"{name}_dof" for name in model.hinges.names])
+    return "".join(",".join(line) + "\n" for line in lines)
 
 
 def written(folder, text, name="walk.csv"):
@@ -77,83 +91,47 @@ def written(folder, text, name="walk.csv"):
     return path
 
 
-@few_examples(40)
+@few_examples(60)
 @given(
     seed=SEEDS,
-    order=st.sampled_from(["wxyz", "xyzw"]),
+    order=st.sampled_from(["wxyz", "xyzw", "xyz"]),
     unit=st.sampled_from([1.0, 0.01, 0.001]),
     degrees=st.booleans(),
     digits=st.none() | st.integers(4, 9),
-    has_header=st.booleans(),
+    first=st.none() | st.lists(st.sampled_from(["Frame", "time"]), unique=True),
 )
 def test_read_table_layouts_are_found_and_written_back_digit_for_digit(
-    biped, tmp_path_factory, seed, order, unit, degrees, digits, has_header
+    biped, tmp_path_factory, seed, order, unit, degrees, digits, first
 ):
     folder = tmp_path_factory.mktemp("table")
     pose = upright_pose(biped, np.random.default_rng(seed))
-    header = None
-    if has_header:
-        names = [f"root_pos_{axis}" for axis in "xyz"] + [f"root_quat_{axis}" for axis in order]
-        header = ",".join([*names, *(f"{name}_dof" for name in biped.hinges.names)])
-    text = table_text(pose, order, unit, degrees=degrees, digits=digits, header=header)
-    motion = mg.read(written(folder, text), skeleton=biped)[0]
+    if order == "xyz" or "time" in (first or ()):
+        first, digits = first or [], digits or 6  # only a header states three angles
+    layout = {"degrees": degrees, "digits": digits, "first": first}
+    path = written(folder, table_text(biped, pose, order, unit, **layout))
+    clips = mg.read(path, skeleton=biped)
+    motion, rate = clips[0], 50 if "time" in (first or ()) else 30
     layout = motion.skeleton.hinges.layout
     assert (layout.quaternion, layout.unit, layout.is_degrees) == (order, unit, degrees)
+    assert motion.rate == pytest.approx(rate)
+    origin = "50, from the times" if rate == 50 else "30 is assumed; the file states none (--fps)"
+    assert clips.notes[2] == f"frames per second: {origin}"
     found = to_pose(motion)
     atol = 2 * 10.0 ** -(digits or 5)
     np.testing.assert_allclose(found.positions, pose.positions, atol=atol)
     np.testing.assert_allclose(found.angles, pose.angles, atol=atol)
     assert rotations.angle(found.quats, pose.quats).max() < 5 * atol
     mg.write(motion, folder / "again.csv")
-    assert (folder / "again.csv").read_text() == text
-
-
-@few_examples(20)
-@given(seed=SEEDS)
-def test_read_table_root_angles_in_degrees_match_matrices(biped, tmp_path_factory, seed):
-    """The family with a header, centimetres, degrees and three angles of the root."""
-    folder, rng = tmp_path_factory.mktemp("euler"), np.random.default_rng(seed)
-    pose, n = upright_pose(biped, rng), 12
-    yaw = np.degrees(0.1 * np.arange(n) + rng.uniform(-2, 2))
-    euler = np.stack([rng.uniform(-9, 9, n), rng.uniform(-9, 9, n), yaw], axis=1)
-    rows = [np.arange(n)[:, None], 100 * pose.positions, euler, np.degrees(pose.angles)]
-    names = [f"root_{kind}{axis}" for kind in ("translate", "rotate") for axis in "XYZ"]
-    names = ["Frame", *names, *(f"{name}_dof" for name in biped.hinges.names)]
-    lines = [",".join([f"{row[0]:.0f}", *(f"{v:.6f}" for v in row[1:])]) for row in np.hstack(rows)]
-    text = "\n".join([",".join(names), *lines]) + "\n"
-    motion = mg.read(written(folder, text), skeleton=biped)[0]
-    x, y, z = (rotations.from_axis_angle(np.eye(3)[k], np.radians(euler[:, k])) for k in range(3))
-    expected = rotations.multiply(z, rotations.multiply(y, x))
-    assert rotations.angle(motion.rotations[:, 0], expected).max() < 1e-7
-    mg.write(motion, folder / "again.csv")
-    assert (folder / "again.csv").read_text() == text
+    assert (folder / "again.csv").read_text() == path.read_text()
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.02, 1.5, -3.1, np.pi])
 @pytest.mark.parametrize("order", ["wxyz", "xyzw"])
 def test_read_table_feet_that_stand_give_the_order_for_any_heading(biped, tmp_path, heading, order):
     pose = walking_pose(biped, heading)
-    motion = mg.read(written(tmp_path, table_text(pose, order)), skeleton=biped)[0]
+    motion = mg.read(written(tmp_path, table_text(biped, pose, order)), skeleton=biped)[0]
     assert motion.skeleton.hinges.layout.quaternion == order
     np.testing.assert_allclose(motion.positions[:, 0], pose.positions, atol=1e-6)
-
-
-def test_read_table_times_give_the_rate_and_options_replace_it(biped, tmp_path):
-    pose = upright_pose(biped, np.random.default_rng(1))
-    names = [*(f"p_{axis}" for axis in "xyz"), *(f"q{axis}" for axis in "wxyz")]
-    header = ",".join(["time", *names, *biped.hinges.names])
-    lines = table_text(pose, "wxyz").splitlines()
-    rows = [f"{0.02 * k:.6f},{line}" for k, line in enumerate(lines)]
-    path = written(tmp_path, "\n".join([header, *rows]) + "\n")
-    clips = mg.read(path, skeleton=biped)
-    assert clips[0].rate == pytest.approx(50)
-    assert "frames per second: 50, from the times" in clips.notes
-    mg.write(clips[0], tmp_path / "again.csv")
-    assert (tmp_path / "again.csv").read_text() == path.read_text()
-    plain = written(tmp_path, table_text(pose), "dance.csv")
-    with pytest.warns(UserWarning, match="frames per second of robot tables: 30 is assumed"):
-        assert mg.read(plain, skeleton=biped)[0].rate == 30
-    assert "is assumed" in mg.read(plain, skeleton=biped).notes[2]
 
 
 def read_as(tmp_path, text, **given):
@@ -163,7 +141,7 @@ def read_as(tmp_path, text, **given):
 
 
 def test_read_table_rates_by_glob_apply_to_names_of_files(biped, tmp_path):
-    text = table_text(upright_pose(biped, np.random.default_rng(1)))
+    text = table_text(biped, upright_pose(biped, np.random.default_rng(1)))
     assert read_as(tmp_path, text, rate={"w*": 60, "*": 25}).rate == pytest.approx(60)
     assert read_as(tmp_path, text, rate={"x*": 60, "*": 25}).rate == pytest.approx(25)
 
@@ -172,7 +150,7 @@ def test_read_table_ambiguous_order_is_refused_and_can_be_stated(biped, tmp_path
     """A figure that looks along an axis, and one that is turned by half, have the same numbers."""
     pose = Pose(*(own[[3] * 12] for own in upright_pose(biped, np.random.default_rng(1))))
     pose = pose._replace(quats=np.tile([0.0, 0.0, 0.0, 1.0], (12, 1)))
-    text = table_text(pose)
+    text = table_text(biped, pose)
     with pytest.raises(mg.FormatError, match=r"order of quaternions is ambiguous .*--quaternion"):
         read_as(tmp_path, text)
     ahead = read_as(tmp_path, text, quaternion="xyzw")
@@ -183,7 +161,7 @@ def test_read_table_ambiguous_order_is_refused_and_can_be_stated(biped, tmp_path
 
 def test_read_table_one_frame_is_read(biped, tmp_path):
     pose = Pose(*(own[:1] for own in upright_pose(biped, np.random.default_rng(1))))
-    motion = read_as(tmp_path, table_text(pose))
+    motion = read_as(tmp_path, table_text(biped, pose))
     assert motion.n_frames == 1
     mg.formats.write_tracker(motion, tmp_path / "one.npz")
     assert not np.load(tmp_path / "one.npz")["joint_vel"].any()
@@ -223,13 +201,13 @@ def with_cell(row, column, *cells):
     ids=range(13),
 )
 def test_read_table_wrong_content_raises_format_error(biped, tmp_path, change, message):
-    text = table_text(upright_pose(biped, np.random.default_rng(1)))
+    text = table_text(biped, upright_pose(biped, np.random.default_rng(1)))
     with pytest.raises(mg.FormatError, match=message):
         read_as(tmp_path, change(text))
 
 
 def test_read_table_without_model_raises_format_error(biped, tmp_path):
-    path = written(tmp_path, table_text(upright_pose(biped, np.random.default_rng(1))))
+    path = written(tmp_path, table_text(biped, upright_pose(biped, np.random.default_rng(1))))
     with pytest.raises(mg.FormatError, match="expected the model of the robot, got none"):
         mg.read(path)[0]
 
@@ -241,7 +219,7 @@ def test_write_table_motion_without_hinges_raises_value_error(tmp_path):
             write(motion, tmp_path / "a.csv")
 
 
-def robot_motion(folder, seed, n_frames=40, rate=50.0):
+def robot_motion(folder, seed, n_frames=40, rate=2.0):
     path = folder / "robot.xml"
     path.write_text(to_mjcf(random_robot(seed)))
     model = mg.formats.read_model(path)
@@ -253,21 +231,23 @@ def robot_motion(folder, seed, n_frames=40, rate=50.0):
     return model, to_motion(model, pose, TableLayout("wxyz"), frame_time=1 / rate)
 
 
-@few_examples(25)
+@few_examples(30)
 @given(seed=SEEDS, tracker=st.sampled_from(["mjlab", "beyondmimic"]))
-def test_write_tracker_is_read_back_in_both_orders(tmp_path_factory, seed, tracker):
+def test_write_tracker_has_the_order_and_the_derivatives_of_the_poses_and_is_read_back(
+    tmp_path_factory, seed, tracker
+):
+    """Central differences of a smooth motion differ from derivatives by terms of second order."""
     folder = tmp_path_factory.mktemp("tracker")
     model, motion = robot_motion(folder, seed)
     mg.formats.write_tracker(motion, folder / "a.npz", tracker=tracker)
     again = mg.read(folder / "a.npz", skeleton=model)[0]
-    assert again.rate == pytest.approx(50)
+    assert again.rate == pytest.approx(2)
     np.testing.assert_allclose(to_pose(again).angles, to_pose(motion).angles, atol=1e-6)
     np.testing.assert_allclose(again.world_positions(), motion.world_positions(), atol=1e-5)
-    arrays = np.load(folder / "a.npz")
+    arrays = dict(np.load(folder / "a.npz"))
     names = arrays["joint_names"].tolist()
     assert sorted(names) == sorted(model.hinges.names)
-    bodies = arrays["body_names"].tolist()
-    depths = [len(model.ancestors(model.index(name))) for name in bodies]
+    depths = [len(model.ancestors(model.index(name))) for name in arrays["body_names"]]
     if tracker == "mjlab":
         assert names == list(model.hinges.names)
     else:
@@ -275,26 +255,13 @@ def test_write_tracker_is_read_back_in_both_orders(tmp_path_factory, seed, track
     column = names.index(model.hinges.names[-1])
     expected = to_pose(motion).angles[:, -1]
     np.testing.assert_allclose(arrays["joint_pos"][:, column], expected, atol=1e-6)
-
-
-@few_examples(25)
-@given(seed=SEEDS)
-def test_write_tracker_velocities_are_derivatives_of_the_poses(tmp_path_factory, seed):
-    """Central differences of a smooth motion differ from derivatives by terms of second order."""
-    folder = tmp_path_factory.mktemp("velocities")
-    _, motion = robot_motion(folder, seed, rate=1.0)
-    mg.formats.write_tracker(motion, folder / "a.npz")
-    arrays = dict(np.load(folder / "a.npz"))
-    inner = slice(1, -1)
-    places = arrays["body_pos_w"].astype(float)
-    moved = (places[2:] - places[:-2]) / 2
-    np.testing.assert_allclose(arrays["body_lin_vel_w"][inner], moved, atol=0.06)
-    quats = arrays["body_quat_w"][..., [1, 2, 3, 0]].astype(float)
-    quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
-    turned = rotations.log(rotations.multiply(quats[2:], rotations.inverse(quats[:-2]))) / 2
-    np.testing.assert_allclose(arrays["body_ang_vel_w"][inner], turned, atol=0.06)
-    speeds = np.gradient(arrays["joint_pos"].astype(float), axis=0)
-    np.testing.assert_allclose(arrays["joint_vel"], speeds, atol=1e-6)
+    places, quats = (arrays[f"body_{own}_w"].astype(float) for own in ("pos", "quat"))
+    quats = quats[..., [1, 2, 3, 0]] / np.linalg.norm(quats, axis=-1, keepdims=True)
+    turned = rotations.log(rotations.multiply(quats[2:], rotations.inverse(quats[:-2])))
+    np.testing.assert_allclose(arrays["body_ang_vel_w"][1:-1], turned, atol=0.12)
+    np.testing.assert_allclose(arrays["body_lin_vel_w"][1:-1], places[2:] - places[:-2], atol=0.12)
+    speeds = 2 * np.gradient(arrays["joint_pos"].astype(float), axis=0)
+    np.testing.assert_allclose(arrays["joint_vel"], speeds, atol=2e-6)
 
 
 @pytest.mark.parametrize(
@@ -352,5 +319,5 @@ def test_write_tracker_g1_matches_the_file_that_trainers_read(tmp_path):
 
 
 def test_read_damaged_files_return_a_motion_or_raise_format_error(tmp_path):
-    valid = sum(fuzz_robots.check(seed, tmp_path) for seed in (*fuzz_robots.SEEDS, *range(150)))
+    valid = sum(fuzz_robots.check(seed, tmp_path) for seed in range(150))
     assert 5 < valid < 120

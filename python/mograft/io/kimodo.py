@@ -3,6 +3,7 @@
 Names and order are those of the public definitions in github.com/nv-tlabs/kimodo (Apache-2.0).
 """
 
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,11 +11,11 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft.errors import join_names
-from mograft.io.clips import Clips, errors_of_file, single_clip
+from mograft.io.clips import Clips, single_clip
 from mograft.io.npz import NpzArchive, open_npz_archive
 from mograft.io.rest_pose import to_local
 from mograft.io.smpl.body_models import BODY_JOINTS, smpl_parents
-from mograft.motion import limits, rotations
+from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton, usual_channels
 
@@ -38,19 +39,15 @@ class KimodoSkeleton(NamedTuple):
 def _skeleton(name: str, *texts: str) -> KimodoSkeleton:
     """Return the skeleton that texts describe.
 
-    A text has parts between ``|``, such as ``Chest > LeftShoulder LeftArm``: the names of joints,
-    each of which is the parent of the next. The joint before ``>`` is the parent of the first. The
-    first part begins with the root and has no ``>``. The joints are in the order of the texts.
+    A text has chains of joints between ``|``, such as ``Chest LeftShoulder LeftArm``, each of which
+    is the parent of the next. The first chain begins with the root, the others with a joint of an
+    earlier chain. The joints are in the order of the texts.
     """
-    joints: list[str] = []
-    parents: list[int] = []
-    for part in "|".join(texts).split("|"):
-        above, _, below = part.rpartition(">")
-        parent = joints.index(above.strip()) if above.strip() else -1
-        for joint in below.split():
-            joints.append(joint)
-            parents.append(parent)
-            parent = len(joints) - 1
+    chains = [chain.split() for text in texts for chain in text.split("|")]
+    above = {chains[0][0]: ""}
+    above |= {joint: parent for chain in chains for parent, joint in pairwise(chain)}
+    joints = list(above)
+    parents = [joints.index(parent) if parent else -1 for parent in above.values()]
     return KimodoSkeleton(name, tuple(joints), tuple(parents))
 
 
@@ -64,21 +61,21 @@ def _both_sides(text: str) -> str:
 
 
 _TRUNK = "Hips Spine1 Spine2 Chest Neck1 Neck2 Head"
-_FACE = "Head > Jaw | Head > LeftEye | Head > RightEye"
-_ARM = "Chest > SideShoulder SideArm SideForeArm SideHand"
-_LEG = "Hips > SideLeg SideShin SideFoot SideToeBase"
+_FACE = "Head Jaw | Head LeftEye | Head RightEye"
+_ARM = "Chest SideShoulder SideArm SideForeArm SideHand"
+_LEG = "Hips SideLeg SideShin SideFoot SideToeBase"
 _FINGERS = " | ".join(
-    f"SideHand > SideHand{finger}1 SideHand{finger}2 SideHand{finger}3"
+    f"SideHand SideHand{finger}1 SideHand{finger}2 SideHand{finger}3"
     f"{'' if finger == 'Thumb' else f' SideHand{finger}4'} SideHand{finger}End"
     for finger in ("Thumb", "Index", "Middle", "Ring", "Pinky")
 )
-_FINGER_ENDS = "SideHand > SideHandThumbEnd | SideHand > SideHandMiddleEnd"
+_FINGER_ENDS = "SideHand SideHandThumbEnd | SideHand SideHandMiddleEnd"
 _G1_LEG = (
-    "pelvis_skel > side_hip_pitch_skel side_hip_roll_skel side_hip_yaw_skel side_knee_skel"
+    "pelvis_skel side_hip_pitch_skel side_hip_roll_skel side_hip_yaw_skel side_knee_skel"
     " side_ankle_pitch_skel side_ankle_roll_skel side_toe_base"
 )
 _G1_ARM = (
-    "waist_pitch_skel > side_shoulder_pitch_skel side_shoulder_roll_skel side_shoulder_yaw_skel"
+    "waist_pitch_skel side_shoulder_pitch_skel side_shoulder_roll_skel side_shoulder_yaw_skel"
     " side_elbow_skel side_wrist_roll_skel side_wrist_pitch_skel side_wrist_yaw_skel"
     " side_hand_roll_skel"
 )
@@ -86,7 +83,7 @@ _G1 = _skeleton(
     "G1",
     "pelvis_skel",
     _both_sides(_G1_LEG),
-    "pelvis_skel > waist_yaw_skel waist_roll_skel waist_pitch_skel",
+    "pelvis_skel waist_yaw_skel waist_roll_skel waist_pitch_skel",
     _both_sides(_G1_ARM),
 )
 SOMA_30 = _skeleton(
@@ -117,9 +114,6 @@ def open_kimodo(path: Path, *, rate: float | None, skeleton: Skeleton | None) ->
         raise archive.error("posed_joints", f"expected {known} joints, got {n_joints}")
     if n_frames == 0:
         raise archive.error("posed_joints", "expected at least one frame, got none")
-    with errors_of_file(path, "array `posed_joints`"):
-        limits.check_frames(n_frames)
-
     others = [name for name in archive.headers if name not in ("posed_joints", "global_rot_mats")]
     notes = [f"frames per second: {RATE:g}, that of Kimodo's models; the file states none"]
     if others:

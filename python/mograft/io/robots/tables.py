@@ -1,5 +1,6 @@
 """Tables of joint angles: CSV files with the root and the angle of each hinge in every frame."""
 
+import io
 import os
 import warnings
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ from mograft._util.atomic import write_text
 from mograft.errors import FormatError, join_names
 from mograft.io.clips import Clips, errors_of_file, single_clip
 from mograft.io.robots import poses
-from mograft.motion import limits, rotations
+from mograft.motion import rotations
 from mograft.motion.hinges import Hinges, TableLayout
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -53,7 +54,6 @@ def open_table(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> 
     header, values, first = _read_cells(path)
     stated = model.hinges.layout
     with errors_of_file(path):
-        limits.check_frames(len(values))
         columns = _find_columns(header, values.shape[1], model.hinges)
         unit = poses.find_unit(model, values[:, columns.positions[2]])
         angles = values[:, columns.angles]
@@ -113,18 +113,13 @@ def write_table(motion: Motion, path: str | os.PathLike[str]) -> None:
         values[:, columns.turns] = _as_stored(pose.quats[:, order], layout)
     if columns.time is not None:
         values[:, columns.time] = np.arange(motion.n_frames) * motion.frame_time
-    values = _stored(values, layout)
-    rows = [",".join(layout.header)] if layout.header else []
-    for frame, row in enumerate(values.tolist()):
-        cells = [f"{value:{layout.numbers}}" for value in row]
-        if columns.frame is not None:
-            cells[columns.frame] = str(frame)
-        rows.append(",".join(cells))
-    write_text(Path(path), "\n".join(rows) + "\n")
-
-
-def _split(line: str) -> list[str]:
-    return [cell.strip() for cell in (line.split(",") if "," in line else line.split())]
+    values, forms = _stored(values, layout), [f"%{layout.numbers}"] * n_columns
+    if columns.frame is not None:
+        values[:, columns.frame] = np.arange(motion.n_frames)
+        forms[columns.frame] = "%d"
+    text = io.StringIO()
+    np.savetxt(text, values, forms, ",", header=",".join(layout.header), comments="")
+    write_text(Path(path), text.getvalue())
 
 
 def _as_numbers(cells: Sequence[str]) -> FloatArray | None:
@@ -147,8 +142,9 @@ def _read_cells(path: Path) -> tuple[tuple[str, ...], FloatArray, list[str]]:
         raise FormatError(f"expected at most {MAX_TABLE_BYTES >> 20} MiB, got more", path)
     header, first, rows = tuple[str, ...](), list[str](), list[FloatArray]()
     for line, text in enumerate(data.decode("utf-8-sig", "replace").splitlines(), 1):
-        if not (cells := _split(text)):
+        if not text.strip():
             continue
+        cells = [cell.strip() for cell in text.split(",")]
         values = _as_numbers(cells)
         if not first and not header and values is None and "nan" not in map(str.lower, cells):
             header = tuple(cells)
