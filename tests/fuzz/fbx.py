@@ -12,9 +12,6 @@ import numpy as np
 from tests.fuzz import change_bytes, change_words, limits, read_motions
 from tests.io import fbx_scenes as fbx
 
-# Seeds of files that failed in earlier versions.
-SEEDS = ()
-
 NUMBERS = [
     bytes(8), b"\xff" * 8, b"\xff\xff\xff\x7f" + bytes(4), b"\xff" * 7 + b"\x7f", b"\1" + bytes(7),
     b"\0\0\0\0\0\0\xf0\x7f", b"\0\0\0\0\0\0\xf8\x7f", b"\xff" * 6 + b"\xef\x7f", b"\0\0\0\x80" * 2

@@ -16,7 +16,6 @@ from mograft.io.formats import read
 from tests.fuzz import change_bytes, limits, outcome
 from tests.io.robot_files import random_robot, to_urdf, write_walks
 
-SEEDS = ()
 _WORDS = (
     *(*b'nan inf -1e308 1e999 " < ,'.split(), b"\n", *b"\x00 \xff &amp; -".split()),
     *(b"</body>", b"<body>", b'type="ball"', b'euler="1 2 3"', b'class="x"', b'<joint name="a"/>'),

@@ -14,7 +14,6 @@ from mograft.stream.live import Receiver
 from mograft.stream.vmc import Figure
 from tests.fuzz import change_bytes, limits
 
-SEEDS = ()
 _WORDS = (b"\0" * 4, b"\xff" * 4, b"\x7f\xc0\0\0", b"#bundle\0", b"/VMC/Ext/T\0\0", b",", b"Hips\0")
 
 

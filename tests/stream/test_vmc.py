@@ -356,7 +356,7 @@ def test_resampler_frames_do_not_depend_on_single_precision_of_times():
 
 
 def test_fuzzed_packets_give_counts_only(tmp_path):
-    n_frames = sum(fuzz.check(seed, tmp_path) for seed in (*fuzz.SEEDS, *range(60)))
+    n_frames = sum(fuzz.check(seed, tmp_path) for seed in range(60))
     assert n_frames > 0
 
 
