@@ -33,44 +33,6 @@ class SegmentTimes:
 
 
 @dataclass(frozen=True, eq=False)
-class RootAlignment:
-    """The alignment transform of the root for every donor segment.
-
-    The columns are the indices of the root among the joints of rotation and translation tracks.
-    """
-
-    transforms: AlignmentTransform
-    rotation_column: int
-    position_column: int
-
-    def apply(
-        self,
-        space: ValueSpace,
-        values: FloatArray,
-        segment: IntArray,
-        velocities: FloatArray | None = None,
-    ) -> None:
-        """Apply the alignment transforms to the root's values and velocities, in place.
-
-        `values`, shape (n, n_joints, 4 or 3), are rotations or translations, `segment`, shape (n,),
-        the segments they belong to. An identity transform changes no bit of them.
-        """
-        transforms = self.transforms[segment]
-        moves = (transforms.yaws != rotations.IDENTITY).any(axis=1)
-        moves |= (transforms.translations != 0.0).any(axis=1)
-        transforms = transforms[moves]
-        if space is ROTATIONS:  # angular velocities are in local axes: no change
-            column = self.rotation_column
-            values[moves, column] = rotations.multiply(transforms.yaws, values[moves, column])
-            return
-        column = self.position_column
-        rotated = rotations.rotate(transforms.yaws, values[moves, column])
-        values[moves, column] = rotated + transforms.translations
-        if velocities is not None:
-            velocities[moves, column] = rotations.rotate(transforms.yaws, velocities[moves, column])
-
-
-@dataclass(frozen=True, eq=False)
 class DonorTimeline:
     """The donor of every base segment, stretched to the length of that base segment."""
 
@@ -78,7 +40,7 @@ class DonorTimeline:
     donors: Segments  # the donor of each base segment
     rate: float  # frames per second
     warp: TimeWarp | None = None  # None: donors are stretched at a constant rate
-    alignment: RootAlignment | None = None  # None: values are used as captured
+    alignment: AlignmentTransform | None = None  # of each donor of a root; None: as captured
 
     def frame_times(self) -> SegmentTimes:
         """Return the times of all frames; a frame shared by two base segments occurs twice."""
@@ -112,7 +74,7 @@ class DonorTimeline:
             elapsed = np.where(is_warped, share * donors.lengths[segment], elapsed)
         values = sample_clips(tracks, donors.clip[segment], donors.start[segment] + elapsed)
         if self.alignment is not None:
-            self.alignment.apply(space, values, segment)
+            _align(self.alignment[segment], space, values)
         return values
 
     def boundaries(
@@ -131,7 +93,7 @@ class DonorTimeline:
             values, velocities, accelerations = clip_states(tracks, donors.clip, frames[segments])
             self._smooth_accelerations(accelerations, tracks, donors.clip, frames[segments])
             if self.alignment is not None:
-                self.alignment.apply(space, values, segments, velocities)
+                _align(self.alignment[segments], space, values, velocities)
             speed = self.rate * donors.lengths / self.cut.lengths[segments]
             accelerations *= (donors.lengths / self.cut.lengths[segments])[:, None, None] ** 2
             if self.warp is not None:
@@ -276,6 +238,29 @@ class DonorLayout:
             seam_accelerations=boundaries.accelerations,
         )
         return treatment.smooth(closed)
+
+
+def _align(
+    transforms: AlignmentTransform,
+    space: ValueSpace,
+    values: FloatArray,
+    velocities: FloatArray | None = None,
+) -> None:
+    """Apply an alignment transform to each of n values and velocities of a root, in place.
+
+    `values`, shape (n, 1, 4 or 3), are rotations or translations. An identity transform changes no
+    bit of them.
+    """
+    moves = (transforms.yaws != rotations.IDENTITY).any(axis=1)
+    moves |= (transforms.translations != 0.0).any(axis=1)
+    transforms = transforms[moves]
+    if space is ROTATIONS:  # angular velocities are in local axes: no change
+        values[moves, 0] = rotations.multiply(transforms.yaws, values[moves, 0])
+        return
+    rotated = rotations.rotate(transforms.yaws, values[moves, 0])
+    values[moves, 0] = rotated + transforms.translations
+    if velocities is not None:
+        velocities[moves, 0] = rotations.rotate(transforms.yaws, velocities[moves, 0])
 
 
 def _frames(

@@ -6,136 +6,104 @@ The velocities over the floor are blended at seams, and the path is their integr
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.blend.donor_timeline import DonorLayout, RootAlignment
+from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import ROTATIONS, TRANSLATIONS
 from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
+from mograft.motion.resample import clip_states
 from mograft.motion.segments import Segments
 
 
-@dataclass(frozen=True, eq=False)
-class GraftedRoot:
-    """A root joint whose motion is replaced by that of donors.
+def graft_root(
+    base: Motion,
+    clips: Sequence[Motion],
+    timeline: DonorTimeline,
+    seams: BoolArray,
+    config: Config,
+    joint: int,
+    up: int,
+) -> tuple[BoolArray, RootTransforms]:
+    """Replace the motion of a root `joint` by that of donors, aligned and with closed seams.
 
-    The columns are its indices among the joints of the rotation and translation tracks of a layout.
+    Returns the seams, `seams` and those of the path, and the local rotations and translations in
+    all frames. `up` is the axis that points up.
     """
+    tracks = [clip.world_track(joint) for clip in clips]
+    quats, places = ([own[:, None] for own in kind] for kind in zip(*tracks, strict=True))
+    seams = seams | timeline.find_seams(places)
+    alignment = _align_donors(base, timeline.donors, (quats, places), seams, joint, up)
+    layout = DonorLayout(replace(timeline, alignment=alignment), quats, places, seams, config)
+    closed = RootTransforms(*(values[:, 0] for values in layout.close()))
+    return seams, _to_local(base, joint, _integrate(layout, closed, up))
 
-    joint: int
-    up: int
-    rotation_column: int
-    position_column: int
 
-    def close(
-        self, layout: DonorLayout, base: Motion, clips: Sequence[Motion]
-    ) -> tuple[DonorLayout, FloatArray, FloatArray]:
-        """Align donors and close seams; return the layout, local rotations and translations."""
-        layout = self.align(layout, base, clips)
-        quats, positions = layout.close()
-        self.integrate(layout, quats, positions)
-        self.to_local(base, quats, positions)
-        return layout, quats, positions
+def _align_donors(
+    base: Motion,
+    donors: Segments,
+    tracks: tuple[list[FloatArray], list[FloatArray]],
+    seams: BoolArray,
+    joint: int,
+    up: int,
+) -> AlignmentTransform:
+    """Return the transform that aligns each donor to the previous one.
 
-    def align(self, layout: DonorLayout, base: Motion, clips: Sequence[Motion]) -> DonorLayout:
-        """Align each donor to the previous one; return the layout with the root in world axes.
+    At a seam the next donor is rotated about the up axis and moved over the floor: its
+    root then starts at the position and heading at which the previous donor ends. The first
+    donor starts at those of the base. `tracks` are the rotations and positions of the root in each
+    clip, in the world.
+    """
+    first, last = (
+        RootTransforms(*(clip_states(own, donors.clip, frames)[0][:, 0] for own in tracks))
+        for frames in (donors.start, donors.stop)
+    )
+    target = RootTransforms.from_motion(base[:1], joint)
+    moves = AlignmentTransform(np.empty((len(donors), 4)), np.empty((len(donors), 3)))
+    for index in range(len(donors)):
+        row = np.array([index])
+        if not index or seams[index - 1]:
+            move = AlignmentTransform.from_roots(first[row], target, up)
+        moves.yaws[row], moves.translations[row] = move.yaws, move.translations
+        target = move.apply(last[row])
+    return moves
 
-        At a seam the next donor is rotated about the up axis and moved over the floor: its
-        root then starts at the position and heading at which the previous donor ends. The first
-        donor starts at those of the base.
-        """
-        layout = self._with_world_tracks(layout, clips)
-        timeline, donors = layout.timeline, layout.timeline.donors
-        tracks = self._own_tracks(layout)
-        seams = layout.seams | timeline.find_seams(tracks[1])
 
-        def donor_roots(frames: IntArray) -> RootTransforms:
-            rows = list(zip(donors.clip.tolist(), frames.tolist(), strict=True))
-            return RootTransforms(
-                *(np.array([own[clip][row, 0] for clip, row in rows]) for own in tracks)
-            )
+def _integrate(layout: DonorLayout, closed: RootTransforms, up: int) -> RootTransforms:
+    """Blend root velocities at seams and return the integrated path; see `integrate_root`."""
+    timeline = layout.timeline
+    times = timeline.frame_times()
+    source = RootTransforms(
+        timeline.sample(ROTATIONS, layout.rotations, times)[:, 0],
+        timeline.sample(TRANSLATIONS, layout.positions, times)[:, 0],
+    )
+    inside = np.diff(times.segment) == 0
+    steps = np.diff(source.positions, axis=0)
+    steps = np.where(np.arange(3) == up, 0.0, steps)[inside]
+    captured = np.concatenate([steps, yaw_rates(source.rotations, up)[inside, None]], axis=1)
+    velocities = blend_root_velocity(
+        captured, timeline.cut, layout.seams, layout.config, timeline.rate
+    )
+    return integrate_root(velocities, captured, source[timeline.kept_rows], closed, up)
 
-        first, last = donor_roots(donors.start), donor_roots(donors.stop)
-        quats, places = base[:1].world_transforms()
-        target = RootTransforms(quats[:, self.joint], places[:, self.joint])
-        moves = AlignmentTransform(np.empty((len(donors), 4)), np.empty((len(donors), 3)))
-        for index in range(len(donors)):
-            row = np.array([index])
-            if not index or seams[index - 1]:
-                move = AlignmentTransform.from_roots(first[row], target, self.up)
-            moves.yaws[row], moves.translations[row] = move.yaws, move.translations
-            target = move.apply(last[row])
-        alignment = RootAlignment(moves, self.rotation_column, self.position_column)
-        return replace(layout, timeline=replace(timeline, alignment=alignment), seams=seams)
 
-    def integrate(self, layout: DonorLayout, quats: FloatArray, positions: FloatArray) -> None:
-        """Blend root velocities at seams and set the root, in place, to the integrated path."""
-        timeline, source = layout.timeline, self._source(layout)
-        inside = np.diff(timeline.frame_times().segment) == 0
-        steps = np.diff(source.positions, axis=0)
-        steps = np.where(np.arange(3) == self.up, 0.0, steps)[inside]
-        rates = yaw_rates(source.rotations, self.up)[inside]
-        captured = np.concatenate([steps, rates[:, None]], axis=1)
-        velocities = blend_root_velocity(
-            captured, timeline.cut, layout.seams, layout.config, timeline.rate
-        )
-        source = source[timeline.kept_rows]
-        root = integrate_root(velocities, captured, source, self._root(quats, positions), self.up)
-        self._set_root(quats, positions, root)
+def _to_local(base: Motion, joint: int, root: RootTransforms) -> RootTransforms:
+    """Convert the root's world rotations and positions to local ones.
 
-    def to_local(self, base: Motion, quats: FloatArray, positions: FloatArray) -> None:
-        """Convert the root's world rotations and positions to local ones, in place.
-
-        Where they equal the world values of the base, the base's local values are used.
-        """
-        if base.skeleton.parents[self.joint] < 0:
-            return
-        root, parent = self._root(quats, positions), base.skeleton.parents[self.joint]
-        base_rotations, base_positions = base.world_track(self.joint)
-        has_base_rotation = (root.rotations == base_rotations).all(axis=1)
-        has_base_position = (root.positions == base_positions).all(axis=1)
-        local = root.relative_to(RootTransforms.from_motion(base, int(parent)))
-        local.rotations[has_base_rotation] = base.rotations[has_base_rotation, self.joint]
-        local.positions[has_base_position] = base.positions[has_base_position, self.joint]
-        self._set_root(quats, positions, local)
-
-    def _root(self, quats: FloatArray, positions: FloatArray) -> RootTransforms:
-        """Return the rotations and positions of the root."""
-        return RootTransforms(quats[:, self.rotation_column], positions[:, self.position_column])
-
-    def _set_root(self, quats: FloatArray, positions: FloatArray, root: RootTransforms) -> None:
-        quats[:, self.rotation_column] = root.rotations
-        positions[:, self.position_column] = root.positions
-
-    def _with_world_tracks(self, layout: DonorLayout, clips: Sequence[Motion]) -> DonorLayout:
-        """Return the layout with the root's tracks in world coordinates."""
-        if clips[0].skeleton.parents[self.joint] < 0:
-            return layout
-        quats = [track.copy() for track in layout.rotations]
-        places = [track.copy() for track in layout.positions]
-        for clip, rotation, position in zip(clips, quats, places, strict=True):
-            self._set_root(rotation, position, RootTransforms.from_motion(clip, self.joint))
-        return replace(layout, rotations=quats, positions=places)
-
-    def _source(self, layout: DonorLayout) -> RootTransforms:
-        """Return the aligned root at the times of `frame_times`, before seams are closed."""
-        assert layout.timeline.alignment is not None
-        alignment = replace(layout.timeline.alignment, rotation_column=0, position_column=0)
-        timeline = replace(layout.timeline, alignment=alignment)
-        times, own = timeline.frame_times(), self._own_tracks(layout)
-        quats, places = map(timeline.sample, (ROTATIONS, TRANSLATIONS), own, (times, times))
-        return RootTransforms(quats[:, 0], places[:, 0])
-
-    def _own_tracks(self, layout: DonorLayout) -> tuple[list[FloatArray], list[FloatArray]]:
-        """Return the rotations and translations of the root alone in each clip."""
-        quats = [track[:, self.rotation_column, None] for track in layout.rotations]
-        return quats, [track[:, self.position_column, None] for track in layout.positions]
+    Where they equal the world values of the base, the base's local values are used.
+    """
+    known = RootTransforms.from_motion(base, joint)
+    local = root.relative_to_parent(base, np.arange(base.n_frames), joint)
+    is_same = (root.rotations == known.rotations).all(axis=1, keepdims=True)
+    quats = np.where(is_same, base.rotations[:, joint], local.rotations)
+    is_same = (root.positions == known.positions).all(axis=1, keepdims=True)
+    return RootTransforms(quats, np.where(is_same, base.positions[:, joint], local.positions))
 
 
 def root_velocity_weights(

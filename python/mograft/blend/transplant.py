@@ -9,7 +9,7 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import ChannelKey, merge_axes, split_axes
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.recombine import Part
-from mograft.blend.root_motion import GraftedRoot
+from mograft.blend.root_motion import graft_root
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.time_warp import ALIGNMENTS
 from mograft.blend.trunk_lean import TrunkLean
@@ -80,35 +80,34 @@ def transplant(
         timeline = replace(timeline, warp=warp)
     lean = lean or TrunkLean.from_config(base, joints, group.up, config)
     moving: BoolArray = np.any([clip.is_translated[joints] for clip in clips], axis=0)
-    is_root = np.isin(joints, [] if group.root is None else [group.root])
-    moving |= is_root
+    is_root = joints == group.root
     seams = timeline.find_seams([clip.rotations for clip in clips], joints)
     channels = [split_axes(clip, group.held) for clip in clips] if group.held else []
     if channels:
         seams |= timeline.find_seams(channels)
+    has_places = bool((moving | is_root).any())
+    positions = base.positions.take(joints, axis=1) if has_places else None
+    resized = [resize(clip, base.skeleton) for clip in clips] if has_places else clips
+    if is_root.any():
+        root = int(joints[is_root][0])
+        seams, grafted = graft_root(base, resized, timeline, seams, config, root, group.up)
+        moving &= ~is_root
     quats = np.empty((base.n_frames, len(joints), 4))
-    positions = base.positions.take(joints, axis=1) if moving.any() else None
-    resized = [resize(clip, base.skeleton) for clip in clips] if moving.any() else clips
-    blocks = _joint_blocks(cut, is_root, max(clip.n_frames for clip in clips))
+    blocks = _joint_blocks(cut, len(joints), max(clip.n_frames for clip in clips))
     for block in blocks:
         own, is_moving = joints[block], moving[block]
         tracks = [lean.upright_tracks(clip, block) for clip in clips]
         places = [clip.positions.take(own[is_moving], axis=1) for clip in resized]
-        layout = DonorLayout(timeline, tracks, places, seams, config)
-        if group.root in own.tolist():
-            assert group.root is not None
-            columns = (int(np.argmax(ids == group.root)) for ids in (own, own[is_moving]))
-            root = GraftedRoot(group.root, group.up, *columns)
-            layout, turned, moved = root.close(layout, base, resized)
-            seams = layout.seams
-        else:
-            turned, moved = layout.close()
+        turned, moved = DonorLayout(timeline, tracks, places, seams, config).close()
         if len(blocks) == 1:
             quats = turned
         else:
             quats[:, block] = turned
         if positions is not None:
             positions[:, block][:, is_moving] = moved
+    if positions is not None and is_root.any():
+        column = int(is_root.argmax())
+        quats[:, column], positions[:, column] = grafted.rotations, grafted.positions
     lean.restore(base, quats)
     angles = {}
     if channels:
@@ -126,18 +125,16 @@ def seam_reach(config: Config) -> float:
     return config.seam_blend + SEAM_TREATMENTS[config.seam].coupling
 
 
-def _joint_blocks(cut: Segments, is_root: BoolArray, n_clip_frames: int) -> list[slice]:
-    """Return ranges of joints that are transplanted together; that of the root comes first.
+def _joint_blocks(cut: Segments, n_joints: int, n_clip_frames: int) -> list[slice]:
+    """Return ranges of joints that are transplanted together.
 
     In a long motion, or if the longest clip of a donor has many frames, `n_clip_frames`, a range
     has few joints, so that its arrays take little memory.
     """
-    n_rows = max(int(cut.lengths.sum()) + len(cut), n_clip_frames)
-    width = len(is_root)
+    n_rows, width = max(int(cut.lengths.sum()) + len(cut), n_clip_frames), n_joints
     if n_rows * width > _MAX_BLOCK_VALUES:
         width = max(_MAX_BLOCK_VALUES // 4 // n_rows, 1)
-    blocks = [slice(start, start + width) for start in range(0, len(is_root), max(width, 1))]
-    return sorted(blocks, key=lambda block: not is_root[block].any())
+    return [slice(start, start + width) for start in range(0, n_joints, max(width, 1))]
 
 
 def _channel_angles(
