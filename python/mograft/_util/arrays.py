@@ -111,6 +111,16 @@ def set_fields(owner: object, state: dict[str, Any]) -> None:
     owner.__dict__.update(state)
 
 
+class ReadOnlyArrays:
+    """Base of frozen dataclasses whose arrays are read-only, also after they are unpickled."""
+
+    def __post_init__(self) -> None:
+        set_fields(self, vars(self).copy())
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        set_fields(self, state)
+
+
 def make_read_only(array: npt.NDArray[np.generic]) -> None:
     """Make an array read-only."""
     array.flags.writeable = False

@@ -61,8 +61,7 @@ def kinetic_energy(
     (True, True)
     """
     check_type("motion", motion, Motion)
-    for name, value in (("omega", omega), ("inertia", inertia)):
-        check_choice(name, value, CHOICES[name])
+    check_choice("omega", omega, CHOICES["omega"])
     if motion.n_frames < 2:
         raise ValueError(
             f"kinetic energy needs at least 2 frames, {motion.name or 'the motion'} has 1"

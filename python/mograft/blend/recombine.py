@@ -11,7 +11,7 @@ from mograft._util.runs import find_runs
 from mograft.analysis.channel_groups import ChannelKey, euler_angles
 from mograft.motion import rotations
 from mograft.motion.limits import MAX_COORDINATE
-from mograft.motion.motion import Motion, replace_unchecked
+from mograft.motion.motion import NO_FILE, Motion, replace_unchecked
 from mograft.motion.skeleton import Skeleton
 
 MAX_ANGLE = 1e-4
@@ -68,14 +68,7 @@ def recombine(base: Motion, parts: Iterable[Part], name: str, *, spreads: bool =
         quats, values = hinges.keep(*known, base.rate), None  # angles replace channel values
     # The base and the parts are checked already.
     return replace_unchecked(
-        base,
-        rotations=quats,
-        positions=positions,
-        channel_values=values,
-        name=name,
-        path=None,
-        clip=None,
-        repairs=(),
+        base, rotations=quats, positions=positions, channel_values=values, name=name, **NO_FILE
     )
 
 

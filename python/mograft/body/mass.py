@@ -2,11 +2,10 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, make_read_only, set_fields
+from mograft._util.arrays import BoolArray, FloatArray, ReadOnlyArrays, make_read_only
 from mograft._util.containers import remember
 from mograft._util.validate import check_choice
 from mograft.body.anatomy import Anatomy, anatomy
@@ -65,7 +64,7 @@ class Foot:
 
 
 @dataclass(frozen=True, eq=False)
-class MassModel:
+class MassModel(ReadOnlyArrays):
     """Stature, feet, and masses and lengths of the bones of a skeleton; created by `mass_model`."""
 
     model: str  # "de Leva" (human) or "rods": masses proportional to bone length
@@ -79,12 +78,6 @@ class MassModel:
     head: int | None
     feet: tuple[Foot, ...]  # left before right; empty if the skeleton has no known leg
     unmatched: tuple[str, ...]  # joints whose names are unknown
-
-    def __post_init__(self) -> None:
-        set_fields(self, vars(self).copy())
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        set_fields(self, state)
 
     def __repr__(self) -> str:
         return f"MassModel({self.model}, height {self.height:.4g}, {len(self.feet)} feet)"

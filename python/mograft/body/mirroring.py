@@ -13,7 +13,7 @@ from mograft.body.anatomy import anatomy
 from mograft.body.joint_names import OPPOSITE_SIDE
 from mograft.body.mass import mass_model, up_axis
 from mograft.motion import rotations
-from mograft.motion.motion import Motion
+from mograft.motion.motion import NO_FILE, Motion
 from mograft.motion.skeleton import Skeleton
 
 _MAX_ASYMMETRY = 0.05
@@ -99,9 +99,7 @@ def mirror(motion: Motion) -> Motion:
         rotations=quats if image.is_symmetric else rotations.continuous_signs(quats),
         positions=positions,
         channel_values=None,
-        path=None,
-        clip=None,
-        repairs=(),
+        **NO_FILE,
     )
 
 

@@ -35,8 +35,6 @@ class Support:
         the file. The last vertex is repeated as padding.
     sizes : ndarray of int, shape (n_frames,)
         Number of vertices without the padding; 0 in flight.
-    touching : ndarray of bool, shape (n_frames, n_legs)
-        Feet that carry weight.
     axes : tuple of int
         Indices of the two horizontal axes, those of the coordinates of `polygons`.
     up : ndarray, shape (3,)
@@ -47,7 +45,6 @@ class Support:
 
     polygons: FloatArray
     sizes: IntArray
-    touching: BoolArray
     axes: tuple[int, int]
     up: FloatArray
     floor: float
@@ -158,7 +155,7 @@ def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -
         names = f"among the joints {join_names(motion.skeleton.names)}"
         raise InsufficientDataError(f"balance needs legs, but no leg is known {names}")
     axes = horizontal_axes(ground.up)
-    touches, corners, carries = _soles(motion, ground)
+    corners, carries = _soles(motion, ground)
     hulls = [convex_hull(points[is_used]) for points, is_used in zip(corners, carries, strict=True)]
     sizes = np.array([len(hull) for hull in hulls], np.int64)
     polygons = np.zeros((len(hulls), max(int(sizes.max(initial=1)), 1), 2))
@@ -168,7 +165,6 @@ def support_polygons(motion: Motion, *, floor_reference: Motion | None = None) -
     return Support(
         polygons=polygons,
         sizes=sizes,
-        touching=np.asarray(touches.any(axis=2), bool),
         axes=axes,
         up=ground.up,
         floor=float(ground.floors.min()),
@@ -222,19 +218,18 @@ def support_extents(
         batch = slice(start, start + _FRAMES_PER_BATCH)
         quats, places = (own[frames[batch]] for own in (motion.rotations, motion.positions))
         poses = Motion(motion.skeleton, motion.frame_time, quats, places)
-        _, corners, carries = _soles(poses, ground)
+        corners, carries = _soles(poses, ground)
         along = corners @ directions[batch][..., axes].swapaxes(1, 2)
         along[~carries] = -np.inf
         extents[batch] = along.max(axis=1, initial=-np.inf)
     return extents
 
 
-def _soles(motion: Motion, ground: Ground) -> tuple[BoolArray, FloatArray, BoolArray]:
-    """Return three arrays: floor contacts of joints, corners of soles, and which carry weight.
+def _soles(motion: Motion, ground: Ground) -> tuple[FloatArray, BoolArray]:
+    """Return the corners of all soles, and which of them carry weight.
 
-    The first, shape (n_frames, n_legs, 2), states whether each ankle and toe touches the floor. The
-    corners, shape (n_frames, 6 * n_legs, 2), have coordinates along `horizontal_axes`. The last,
-    shape (n_frames, 6 * n_legs), states whether each corner carries weight.
+    The corners, shape (n_frames, 6 * n_legs, 2), have coordinates along `horizontal_axes`. The
+    second array has shape (n_frames, 6 * n_legs).
     """
     axes = horizontal_axes(ground.up)
     joints = ground.points(motion)
@@ -245,8 +240,8 @@ def _soles(motion: Motion, ground: Ground) -> tuple[BoolArray, FloatArray, BoolA
         _sole_corners(horizontal[:, i], touches[:, i], joints[:, i], forward, ground.height)
         for i in range(len(ground.limbs))
     ]
-    corners = np.concatenate([points for points, _ in soles], axis=1)
-    return touches, corners, np.concatenate([is_used for _, is_used in soles], axis=1)
+    corners, carries = (np.concatenate(own, axis=1) for own in zip(*soles, strict=True))
+    return corners, carries
 
 
 def _sole_corners(

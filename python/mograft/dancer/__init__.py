@@ -13,11 +13,10 @@ second.
 
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, as_floats, set_fields
+from mograft._util.arrays import BoolArray, FloatArray, ReadOnlyArrays, as_floats
 from mograft._util.validate import as_integer
 from mograft.dancer.plan import Plan, StrArray, make_clock, make_foot, make_plan, make_route
 from mograft.dancer.pose import arm_pose, leg_pose, pelvis_pose, trunk_pose
@@ -30,7 +29,7 @@ __all__ = ["ARM_PATTERNS", "LEG_STYLES", "Dance", "dance"]
 
 
 @dataclass(frozen=True, eq=False)
-class Dance:
+class Dance(ReadOnlyArrays):
     """A dance and the labels of its frames.
 
     Parameters
@@ -50,12 +49,6 @@ class Dance:
     arms: StrArray
     phase: FloatArray
     stance: BoolArray
-
-    def __post_init__(self) -> None:
-        set_fields(self, vars(self).copy())
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        set_fields(self, state)
 
     def __len__(self) -> int:
         return self.motion.n_frames

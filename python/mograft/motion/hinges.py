@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray, set_fields
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, ReadOnlyArrays, set_fields
 from mograft.motion import rotations
 
 NO_LIMIT = 1e9
@@ -51,7 +51,7 @@ class TableLayout:
 
 
 @dataclass(frozen=True, eq=False)
-class Hinges:
+class Hinges(ReadOnlyArrays):
     """The joints of a robot that turn about one axis, its bodies, and the layout of its files.
 
     Axes and points are in the axes of the rest pose, in which all angles are 0 and no joint is
@@ -100,9 +100,6 @@ class Hinges:
         kinds = {"joints": np.int64, "bodies": np.int64}
         arrays = {name: np.array(own, kinds.get(name, float)) for name, own in given.items()}
         set_fields(self, {"names": tuple(self.names), **arrays})
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        set_fields(self, state)
 
     def angles(self, quats: FloatArray) -> FloatArray:
         """Return the angle of each hinge, (n_frames, n_hinges), from (n_frames, n_joints, 4).

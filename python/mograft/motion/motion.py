@@ -14,6 +14,7 @@ from mograft._util.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    ReadOnlyArrays,
     as_floats,
     as_quaternions,
     set_fields,
@@ -28,9 +29,12 @@ from mograft.motion.skeleton import Skeleton
 _FRAMES_PER_BLOCK = 2048
 """Frames whose world transforms are computed together."""
 
+NO_FILE: dict[str, Any] = {"path": None, "clip": None, "repairs": ()}
+"""The fields of a motion that is not from a file."""
+
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(ReadOnlyArrays):
     """Joint rotations and positions of a skeleton in every frame of one clip.
 
     Parameters
@@ -108,9 +112,6 @@ class Motion:
                 arrays[name] = _as_channel_array(name, getattr(self, name), shape, kind)
         views = {name: array.view() for name, array in arrays.items()}
         set_fields(self, {"frame_time": frame_time, **views})
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        set_fields(self, state)
 
     def __repr__(self) -> str:
         joints = "1 joint" if self.n_joints == 1 else f"{self.n_joints} joints"

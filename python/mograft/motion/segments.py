@@ -2,16 +2,15 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, IntArray, as_indices, set_fields
+from mograft._util.arrays import BoolArray, IntArray, ReadOnlyArrays, as_indices, set_fields
 from mograft._util.validate import check_type, is_integer
 
 
 @dataclass(frozen=True, eq=False)
-class Segments:
+class Segments(ReadOnlyArrays):
     """Segments of clips, given by their first and last frames.
 
     Parameters
@@ -49,9 +48,6 @@ class Segments:
             k = int(np.argmax(is_empty))
             raise ValueError(f"segment {k} must stop after its start, got {start[k]} to {stop[k]}")
         set_fields(self, {"start": start, "stop": stop, "clip": clip})
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        set_fields(self, state)
 
     def __len__(self) -> int:
         return len(self.start)

@@ -4,12 +4,19 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray, as_floats, as_indices, set_fields
+from mograft._util.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    ReadOnlyArrays,
+    as_floats,
+    as_indices,
+    set_fields,
+)
 from mograft.errors import SkeletonMismatchError, join_names, suggest_name
 from mograft.motion.hinges import Hinges
 from mograft.motion.limits import MAX_COORDINATE, check_hierarchy
@@ -24,7 +31,7 @@ def usual_channels(has_position: Iterable[bool]) -> tuple[tuple[str, ...], ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class EndSite:
+class EndSite(ReadOnlyArrays):
     """The end of a bone that has no joint, such as a fingertip: an ``End Site`` of BVH.
 
     Parameters
@@ -47,12 +54,9 @@ class EndSite:
     def __post_init__(self) -> None:
         set_fields(self, {"offset": as_floats("offset", self.offset, (3,), MAX_COORDINATE).copy()})
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        set_fields(self, state)
-
 
 @dataclass(frozen=True, eq=False)
-class Skeleton:
+class Skeleton(ReadOnlyArrays):
     """Joints, their hierarchy, rest offsets and channels.
 
     Joints are identified by index; names may repeat. Joints are in the order of the file, in which
@@ -125,9 +129,6 @@ class Skeleton:
                 raise ValueError(f"the parent of an end site must be {expected}")
         checked = {"names": names, "parents": parents, "offsets": offsets, "channels": channels}
         set_fields(self, checked | {"end_sites": tuple(self.end_sites)})
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        set_fields(self, state)
 
     def __repr__(self) -> str:
         return f"Skeleton({self.n_joints} joints, {self.n_channels} channels, root {self.names[0]})"

@@ -15,7 +15,7 @@ from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.body.contacts import detect_contacts, find_legs, foot_heights
 from mograft.library.library import Library
 from mograft.motion import rotations
-from mograft.motion.motion import Motion
+from mograft.motion.motion import NO_FILE, Motion, select_frames
 from mograft.motion.segments import Segments
 
 
@@ -227,16 +227,9 @@ def donor_contacts(
 
 def _still(clip: Motion, frame: int, n_frames: int) -> Motion:
     """Return a motion that repeats one frame of a clip."""
-    return replace(
-        clip,
-        rotations=np.repeat(clip.rotations[[frame]], n_frames, axis=0),
-        positions=np.repeat(clip.positions[[frame]], n_frames, axis=0),
-        channel_values=None,
-        name="scenario",
-        path=None,
-        clip=None,
-        repairs=(),
-    )
+    frames = np.full(n_frames, frame)
+    still = select_frames(clip, frames, clip.frame_time, has_channels=False)
+    return replace(still, **NO_FILE, name="scenario")
 
 
 def _place_root(motion: Motion, scenario: Scenario, root: int, up: int) -> Motion:
