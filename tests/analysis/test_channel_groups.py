@@ -8,13 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mograft import Config, JointGroups, Library, Skeleton, graft
-from mograft.analysis.channel_groups import (
-    euler_angles,
-    merge_axes,
-    restrict_rotations,
-    restrict_samples,
-    split_axes,
-)
+from mograft.analysis.channel_groups import euler_angles, restrict_rotations, restrict_samples
 from mograft.analysis.embedding import Samples
 from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.recombine import recombine
@@ -22,6 +16,7 @@ from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.dancer import dance
 from mograft.motion import rotations
+from mograft.motion.skeleton import CHANNELS
 from tests.strategies import (
     SEEDS,
     SEGMENT_LENGTHS,
@@ -120,17 +115,6 @@ def test_restrict_rotations_product_of_axes_is_whole_rotation(seed, order):
     assert_same_rotations(restrict_rotations(-quats, order, order[0]), parts[0], 1e-9)
 
 
-def test_merge_axes_inverts_split_axes():
-    base = random_star_clip(np.random.default_rng(3), tile_segments(np.array([30])))
-    channels = {2: "ZY", 3: "X"}
-    angles = merge_axes(split_axes(base, channels), channels)
-    assert list(angles) == [(2, "Z"), (2, "Y"), (3, "X")]
-    for (joint, axis), angle in angles.items():
-        column = base.skeleton.rotation_order(joint).index(axis)
-        difference = angle - euler_angles(base, joint)[:, column]
-        np.testing.assert_allclose(np.sin(difference / 2), 0.0, atol=1e-12)
-
-
 @pytest.fixture(scope="module")
 def motion():
     clip = dance(seed=1, strides=1).motion[:600]
@@ -205,24 +189,18 @@ def test_divided_channels_cover_each_joint_once(seed):
     ("groups", "message"),
     [
         ({"a": ["Hips", "Arm"], "b": ["Arm.Xrotation"]}, "joint Arm.Xrotation must be in one"),
-        ({"a": ["Hips", "Arm.Yrotation"], "b": ["Arm.Xrotation"]}, "got none for Arm.Zrotation"),
+        (
+            {"a": ["Hips", "Arm.Yrotation"], "b": ["Arm.Xrotation", "Knee"]},
+            "none for Arm.Zrotation",
+        ),
         ({"a": ["Arm"], "b": ["Hips.Xrotation"]}, "Hips must be in one group as a whole"),
         ({"a": ["Hips"], "b": ["Arm", "Arm.Xrotation"]}, "as a whole or by channels, got both"),
         ({"a": ["Hips"], "b": ["Leg.Xrotation"]}, "group 'b': no joint is named 'Leg'"),
+        ({"a": ["Hips"], "b": ["Knee.Xrotation"]}, "Knee must have three rotation .*, got Xrot"),
     ],
 )
 def test_joint_groups_invalid_channels_raise_value_error(groups, message):
-    skeleton = Skeleton(["Hips", "Arm"], [-1, 0], np.zeros((2, 3)))
+    channels = [CHANNELS, CHANNELS[3:], ("Xrotation",)]
+    skeleton = Skeleton(["Hips", "Arm", "Knee"], [-1, 0, 0], np.zeros((3, 3)), channels)
     with pytest.raises(ValueError, match=message):
         JointGroups(groups, base="a").resolve(skeleton)
-
-
-def test_joint_groups_dividing_joint_of_one_channel_raises_value_error():
-    channels = [("Xposition", "Zrotation", "Xrotation", "Yrotation"), ("Xrotation",)]
-    skeleton = Skeleton(["Hips", "Knee"], [-1, 0], np.zeros((2, 3)), channels)
-    with pytest.raises(ValueError, match=r"Knee must have three rotation channels .*, got Xrot"):
-        JointGroups({"a": ["Hips"], "b": ["Knee.Xrotation"]}, base="a").resolve(skeleton)
-    assert JointGroups({"a": ["Hips"], "b": ["Knee"]}, base="a").divided_channels(skeleton) == {
-        "a": {},
-        "b": {},
-    }

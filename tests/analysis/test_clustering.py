@@ -1,4 +1,7 @@
-"""Complete linkage: the tree against a greedy oracle and SciPy, cuts and thresholds."""
+"""Complete linkage: one tree for any resources, condensed distances, interrupts and thresholds.
+
+rust/linkage/tests compare the tree with greedy search, tests/linkage with SciPy.
+"""
 
 import signal
 
@@ -32,39 +35,6 @@ def clouds(draw, max_points=40, kinds=tuple(COORDINATES)):
     return points
 
 
-def greedy(points):
-    """Return the tree that repeatedly merges the pair of the least key.
-
-    The key is (squared distance, lower index, higher index). The points are scaled by a power of
-    two and tiny coordinates set to 0, so that squares neither overflow nor underflow.
-    """
-    n = len(points)
-    exponent = np.frexp(np.abs(points).max())[1]
-    points = np.ldexp(points, -exponent)
-    points[np.abs(points) < 2.0**-440] = 0.0
-    gaps = np.full((n, n), np.inf)
-    for a in range(n):
-        for b in range(a + 1, n):
-            total = 0.0
-            for x, y in zip(points[a], points[b], strict=True):
-                total += (x - y) * (x - y)
-            gaps[a, b] = total
-    clusters = {i: (i, 1) for i in range(n)}
-    rows = []
-    while len(clusters) > 1:
-        low, high = np.unravel_index(np.argmin(gaps), gaps.shape)
-        (a, size_a), (b, size_b) = clusters[low], clusters.pop(high)
-        rows.append(
-            [min(a, b), max(a, b), np.ldexp(np.sqrt(gaps[low, high]), exponent), size_a + size_b]
-        )
-        clusters[low] = (n + len(rows) - 1, size_a + size_b)
-        for other in clusters.keys() - {low}:
-            pair, merged_pair = tuple(sorted((low, other))), tuple(sorted((high, other)))
-            gaps[pair] = max(gaps[pair], gaps[merged_pair])
-        gaps[high, :] = gaps[:, high] = gaps[low, high] = np.inf
-    return np.array(rows).reshape(-1, 4)
-
-
 RESOURCES = st.fixed_dictionaries(
     {"n_threads": st.integers(1, 3), "memory_limit": st.sampled_from([0, None])}
 )
@@ -75,11 +45,6 @@ def by_first_appearance(labels):
     """Number clusters from 0 in the order of their first members."""
     _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[inverse]
-
-
-@given(clouds(max_points=12), RESOURCES)
-def test_linkage_equals_greedy_search(points, resources):
-    np.testing.assert_array_equal(clustering.linkage(points, **resources), greedy(points))
 
 
 @settings(max_examples=300)
@@ -99,29 +64,6 @@ def test_linkage_condensed_equals_linkage_of_points(points):
     tree = clustering.linkage(points)
     np.testing.assert_array_equal(clustering.linkage_condensed(distances), tree)
     np.testing.assert_array_equal(clustering.linkage_condensed(distances, memory_limit=0), tree)
-
-
-def test_linkage_2500_points_does_not_depend_on_resources():
-    """Each cloud is difficult for the algorithm in another way."""
-    n, rng = 2_500, np.random.default_rng(2_500)
-    white = rng.standard_normal((n, 10))
-    clouds = {
-        "normal": white,
-        "lattice": np.round(2 * white),
-        "repeated": white[rng.integers(0, n // 2, n)],
-        "clump": np.where(np.arange(n)[:, None] % 2, white, 1e-9 * white),
-        "scale-free": white * 10.0 ** (-8 * rng.random((n, 1))),
-        "tails": rng.standard_cauchy((n, 10)),
-        "far from the origin": white + 1e8,
-    }
-    for name, points in clouds.items():
-        tree = clustering.linkage(points)
-        diameter = np.quantile(tree[:, 2], 0.9)
-        labels = by_first_appearance(hierarchy.fcluster(tree, diameter, "distance"))
-        np.testing.assert_array_equal(clustering.cut(points, diameter), labels, name)
-        for n_threads in (1, 2, 3):
-            other = clustering.linkage(points, n_threads=n_threads, memory_limit=0)
-            np.testing.assert_array_equal(other, tree, name)
 
 
 @pytest.mark.parametrize("error", [LookupError, KeyboardInterrupt])

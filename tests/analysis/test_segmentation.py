@@ -23,6 +23,7 @@ INDICES = st.one_of(
     npst.arrays(np.bool_, 9),
     npst.arrays(np.int64, st.integers(0, 20), elements=st.integers(-9, 8)),
 )
+
 CURVES = npst.arrays(np.float64, st.integers(4, 200), elements=st.floats(0, 1e3))
 
 
@@ -62,11 +63,9 @@ def test_kinetic_energy_equals_oracle_for_any_signs_of_quaternions(motion, seed)
 
 
 @given(CURVES, st.floats(0, 6))
-def test_gaussian_filter_equals_scipy_and_keeps_sum(curve, sigma):
-    smooth = gaussian_filter(curve, sigma)
+def test_gaussian_filter_equals_scipy(curve, sigma):
     expected = gaussian_filter1d(curve, sigma) if sigma >= 0.125 else curve
-    np.testing.assert_allclose(smooth, expected, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(smooth.sum(), curve.sum(), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(gaussian_filter(curve, sigma), expected, rtol=1e-9, atol=1e-9)
 
 
 @given(st.lists(st.integers(0, 50), min_size=1, max_size=80), st.floats(0.1, 1e3))
@@ -104,31 +103,22 @@ def test_segmentation_invalid_arguments_raise_value_error():
     single = steady_rotation(chain(), 0, 0.0, 1)
     with pytest.raises(ValueError, match="kinetic energy needs at least 2 frames"):
         segment(single)
-    with pytest.raises(ValueError, match="segment 1 must stop after its start, got 4 to 4"):
-        Segments([0, 4], [4, 4])
+    for seconds in (2e-5, 9e-5, 1.01, 30.0):
+        motion = replace(DANCER, frame_time=seconds, name="walk")
+        with pytest.raises(ValueError, match=r"frame time of walk must be between 0.0001 and 1 s"):
+            segment(motion)
+    for message, call in (
+        ("segment 1 must stop after its start, got 4 to 4", lambda: Segments([0, 4], [4, 4])),
+        ("`start` must have shape", lambda: Segments([0], [8])[np.array([[0, 0]])]),
+        ("`parts` must have at least one Segments, got none", lambda: Segments.concatenate([])),
+        ("`parts` must be a Segments, got int", lambda: Segments.concatenate([3])),
+    ):
+        with pytest.raises((TypeError, ValueError), match=message):
+            call()
     for name in ("omega", "inertia"):
         for value in ("heavy", ["own"], None):
             with pytest.raises(ValueError, match=f"`{name}` must be one of .*, got "):
                 kinetic_energy(steady_rotation(chain(), 0, 1.0), **{name: value})
-
-
-@pytest.mark.parametrize("seconds", [2e-5, 9e-5, 1.01, 30.0])
-def test_segment_extreme_frame_time_is_refused_by_name(seconds):
-    motion = replace(dance(strides=1).motion, frame_time=seconds, name="walk")
-    with pytest.raises(ValueError, match=r"frame time of walk must be between 0.0001 and 1 sec"):
-        segment(motion)
-
-
-@pytest.mark.parametrize(
-    ("parts", "error", "message"),
-    [
-        ([], ValueError, "`parts` must have at least one Segments, got none"),
-        ([3], TypeError, "`parts` must be a Segments, got int"),
-    ],
-)
-def test_concatenate_segments_invalid_parts_raise(parts, error, message):
-    with pytest.raises(error, match=message):
-        Segments.concatenate(parts)
 
 
 DANCER = dance(strides=1, seed=3).motion
@@ -174,9 +164,3 @@ def test_segments_selected_equal_segments_of_selected_frames(indices):
         assert column.flags.c_contiguous
         assert not column.flags.writeable
         assert not np.shares_memory(column, getattr(segments, name))
-
-
-def test_segments_indices_of_two_axes_raise_value_error():
-    segments = Segments([0, 8], [8, 15])
-    with pytest.raises(ValueError, match="`start` must have shape"):
-        segments[np.array([[0, 1]])]

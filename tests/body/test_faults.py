@@ -189,27 +189,20 @@ def test_find_faults_arbitrary_motion_does_not_fail(clip):
 # Recordings. The column first_jump of the list of files was measured by another program.
 
 
-def recordings(*folders):
+def recordings():
     table = DATA / "FILES.tsv"
     if not table.exists():
         return []
     with table.open() as file:
-        rows = list(csv.DictReader(file, delimiter="\t"))
-    return [row for row in rows if not folders or row["file"].startswith(folders)]
-
-
-@pytest.mark.parametrize("row", recordings(), ids=lambda row: row["file"])
-def test_find_faults_recordings_report_known_rest_poses(row):
-    motion = mg.read_bvh(DATA / row["file"])
-    kinds = [fault.kind for fault in mg.find_faults(motion)]
-    is_rest_pose = row["first_jump"] not in ("", "-", "None") and float(row["first_jump"]) > 12.0
-    assert ("first_frame" in kinds) == is_rest_pose
+        return list(csv.DictReader(file, delimiter="\t"))
 
 
 CLEAN = ("bandai", "dance_mass", "dance_carousel", "skel_animated", "skel_games", "synthetic_q")
 
 
-@pytest.mark.parametrize("row", recordings(*CLEAN), ids=lambda row: row["file"])
-def test_find_faults_clean_recordings_have_only_wraps(row):
-    faults = mg.find_faults(mg.read_bvh(DATA / row["file"]))
-    assert {fault.kind for fault in faults} <= {"wrap"}
+@pytest.mark.parametrize("row", recordings(), ids=lambda row: row["file"])
+def test_find_faults_recordings_report_known_rest_poses_and_few_others(row):
+    kinds = {fault.kind for fault in mg.find_faults(mg.read_bvh(DATA / row["file"]))}
+    is_rest_pose = row["first_jump"] not in ("", "-", "None") and float(row["first_jump"]) > 12.0
+    assert ("first_frame" in kinds) == is_rest_pose
+    assert kinds <= {"wrap"} or not row["file"].startswith(CLEAN)

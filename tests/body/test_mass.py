@@ -55,6 +55,7 @@ def test_mass_model_masses_and_moments_of_random_skeletons_are_valid(skeleton):
 
 
 def test_mass_model_human_has_de_leva_masses():
+    """Also where a part has several joints: its mass is divided by the lengths of their bones."""
     skeleton = human()
     found, left, right = mass_model(skeleton), skeleton.index("LeftHip"), skeleton.index("RightHip")
     assert found.model == "de Leva"
@@ -62,17 +63,21 @@ def test_mass_model_human_has_de_leva_masses():
     assert found.center[left] == pytest.approx(0.3855)
     assert found.gyration[right] == pytest.approx(0.3465)
     assert found.gyration[skeleton.index("LeftKnee")] == pytest.approx(0.2545)
-
-
-def test_mass_model_part_mass_is_divided_by_bone_length():
-    skeleton = human()
-    found = mass_model(skeleton)
     neck, head = skeleton.index("Neck"), skeleton.index("Head")
     lengths = np.linalg.norm([(0, 9, 2), (0, 18, 0)], axis=1)
     expected = 0.0681 / TOTAL * lengths / lengths.sum()
     np.testing.assert_allclose(found.mass[[neck, head]], expected, rtol=1e-9)
     assert found.center[neck] == found.center[head] == 0.5
     assert found.gyration[neck] == 0.289
+    bone = dict(zip(skeleton.names, found.bone.tolist(), strict=True))
+    assert bone["Chest"] == [0, pytest.approx(64 / 3), pytest.approx(2 / 3)]
+    assert bone["LeftHip"] == [0, -41, 0]
+    assert bone["LeftWrist"] == [17, 0, 0]
+    leg, upper = 9 + 41 + math.hypot(40, 2), 22 + 24 + math.hypot(9, 2)
+    assert found.height == pytest.approx((leg + upper) / 0.87)
+    assert (found.height_from, found.head) == ("legs and head", head)
+    feet = [(foot.side, foot.ankle, foot.toe) for foot in found.feet]
+    assert feet == [("left", 3, None), ("right", 6, None)]
 
 
 def test_mass_model_missing_part_adds_to_proximal_part():
@@ -155,26 +160,6 @@ def test_moments_of_inertia_subtree_matches_point_masses():
     np.testing.assert_allclose(moments_of_inertia(found, skeleton), own, rtol=1e-9)
 
 
-def test_mass_model_bone_ends_of_trunk_and_leaves():
-    skeleton = human()
-    bone = dict(zip(skeleton.names, mass_model(skeleton).bone.tolist(), strict=True))
-    assert bone["Chest"] == [0, pytest.approx(64 / 3), pytest.approx(2 / 3)]
-    assert bone["LeftHip"] == [0, -41, 0]
-    assert bone["LeftWrist"] == [17, 0, 0]
-
-
-def test_mass_model_height_of_human():
-    found = mass_model(human())
-    leg, upper = 9 + 41 + math.hypot(40, 2), 22 + 24 + math.hypot(9, 2)
-    assert found.height == pytest.approx((leg + upper) / 0.87)
-    assert found.height_from == "legs and head"
-    assert found.head == human().index("Head")
-    assert [(foot.side, foot.ankle, foot.toe) for foot in found.feet] == [
-        ("left", 3, None),
-        ("right", 6, None),
-    ]
-
-
 @pytest.mark.parametrize(
     ("text", "offset", "height", "source"),
     [
@@ -197,18 +182,10 @@ def test_mass_model_height_of_partial_skeletons(text, offset, height, source):
 def test_mass_model_unknown_names_use_rods():
     skeleton, _ = skeleton_from_text("a {b > c | d}")
     found = mass_model(skeleton.with_offsets([[0, 0, 0], [0, 3, 0], [0, 1, 0], [0, 0, 0]]))
-    assert found.model == "rods"
-    assert found.unmatched == ("a", "b", "c", "d")
+    assert (found.model, found.unmatched) == ("rods", ("a", "b", "c", "d"))
     lengths = np.linalg.norm(found.bone, axis=1)
     np.testing.assert_allclose(found.mass, lengths / lengths.sum())
-    assert set(found.center) == {0.5}
-    assert set(found.gyration) == {0.289}
-
-
-def test_moments_of_inertia_unknown_kind_raises_value_error():
-    message = "`inertia` must be one of 'own', 'subtree', 'unit', got 'all'"
-    with pytest.raises(ValueError, match=message):
-        moments_of_inertia(mass_model(human()), human(), "all")
+    assert ({*found.center}, {*found.gyration}) == ({0.5}, {0.289})
 
 
 @pytest.mark.parametrize("axes", [(0, 1, 2), (2, 0, 1), (1, 2, 0)])
@@ -225,27 +202,23 @@ def test_up_axis_is_direction_from_feet_to_hips(skeleton, axes):
     assert up_axis(rest_motion(skeleton, axes)) == axes.index(1)
 
 
-def test_up_axis_defaults_to_y():
-    skeleton, _ = skeleton_from_text("a > b")
-    assert up_axis(rest_motion(skeleton)) == 1
-    assert up_axis(rest_motion(human().with_offsets(np.zeros((18, 3))))) == 1
-
-
-def test_up_axis_in_a_split_uses_the_head():
-    skeleton = human()
-    offsets = skeleton.offsets.copy()
-    for name in ("LeftKnee", "LeftAnkle", "RightKnee", "RightAnkle"):
-        offsets[skeleton.index(name)] = [0, 0, 40 if name.startswith("Left") else -40]
-    assert up_axis(rest_motion(skeleton.with_offsets(offsets))) == 1
-
-
-def test_up_axis_of_animal_ignores_the_head():
-    skeleton, _ = skeleton_from_text(
+def test_up_axis_of_special_figures_is_y():
+    """Without feet or bones; in a split, by the head; of an animal, whose head is in front."""
+    split = human().offsets.copy()
+    for joint, name in enumerate(human().names):
+        if name.endswith(("Knee", "Ankle")):
+            split[joint] = [0, 0, 40 if name.startswith("Left") else -40]
+    leg = [(0, -10, 3), (0, -10, -3), (0, -8, 0)]
+    animal, _ = skeleton_from_text(
         "Pelvis {Femur_L > Tibia_L > Tarsus_L | Femur_R > Tibia_R > Tarsus_R | Spine > Head}"
     )
-    leg = [(0, -10, 3), (0, -10, -3), (0, -8, 0)]
-    offsets = [(0, 0, 0), *leg, *leg, (0, 2, 50), (0, 10, 30)]
-    assert up_axis(rest_motion(skeleton.with_offsets(offsets))) == 1
+    for skeleton, offsets in (
+        (skeleton_from_text("a > b")[0], np.zeros((2, 3))),
+        (human(), 0.0 * split),
+        (human(), split),
+        (animal, [(0, 0, 0), *leg, *leg, (0, 2, 50), (0, 10, 30)]),
+    ):
+        assert up_axis(rest_motion(skeleton.with_offsets(offsets))) == 1
 
 
 @each_recording()

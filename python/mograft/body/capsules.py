@@ -172,8 +172,8 @@ def clearance(
     radii: FloatArray,
     others: FloatArray,
     other_radii: FloatArray,
-    at: IntArray | None = None,
-    pairs: IntArray | None = None,
+    at: IntArray | None,
+    pairs: IntArray,
 ) -> tuple[FloatArray, IntArray]:
     """Return the smallest distance between two sets of capsules, and the nearest pair, per frame.
 
@@ -182,18 +182,15 @@ def clearance(
     `other_radii`, shape (m,). Frame i of `ends` is compared with frame ``at[i]`` of `others`. If
     `at` is None, frame i is compared with frame i, or with the only frame of `others` if there is
     one.
-    `pairs`, shape (n_pairs, 2), holds the indices of the capsules to compare in each set; None
-    means all pairs. The distances, shape (n_frames,), are minus the penetration depth if capsules
+    `pairs`, shape (n_pairs, 2), holds the indices of the capsules to compare in each set. The
+    distances, shape (n_frames,), are minus the penetration depth if capsules
     overlap. The pairs of smallest distance have shape (n_frames, 2); ties go to the first. If
     `pairs` is empty, the distances are infinite and the indices -1. The closest points of two line
     segments follow Ericson, Real-Time Collision Detection (2005), 5.1.9.
     """
     if at is None:
         at = np.arange(len(ends)) if len(others) > 1 else np.zeros(len(ends), np.int64)
-    if pairs is None:
-        left, right = np.indices((len(radii), len(other_radii))).reshape(2, -1)
-    else:
-        left, right = np.ascontiguousarray(pairs.T, np.int64)
+    left, right = np.ascontiguousarray(pairs.T, np.int64)
     first = np.ascontiguousarray(ends), np.ascontiguousarray(radii)
     second = np.ascontiguousarray(others), np.ascontiguousarray(other_radii)
     return _core.clearance(*first, *second, np.ascontiguousarray(at, np.int64), (left, right))

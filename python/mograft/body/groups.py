@@ -55,10 +55,19 @@ def suggest_groups(name: object, groups: Collection[str]) -> str:
 def _group_of(name: object) -> str:
     """Return the group of a preset that has the body part `name`, such as "left hand", or ""."""
     (words,), (side,) = read_names((str(name).removesuffix("s"),))
-    part = part_of_words(words)
+    return _group_of_part(part_of_words(words), side, [own for p in PRESETS.values() for own in p])
+
+
+def _group_of_part(part: str, side: str, groups: Collection[str]) -> str:
+    """Return the group that has a part of the upper body: of its possible ones, the smallest."""
+    possible: tuple[str, ...] = ()
     if part in (*ARM, "shoulder"):
-        return f"{side[0]}arm" if side else "arms"
-    return {"head": "head", "neck": "head", "trunk": "torso"}.get(part, "")
+        possible = f"{side[:1]}arm", "arms", "torso", "upper"
+    elif part in ("neck", "head"):
+        possible = "head", "torso", "upper"
+    elif part == "trunk":
+        possible = "torso", "upper"
+    return next((group for group in possible if group in groups), "")
 
 
 _LABELS = {"upper": "upper body", "torso": "torso", "head": "neck or head", "arms": "arms"}
@@ -340,25 +349,11 @@ def _assign(skeleton: Skeleton, group_names: tuple[str, ...]) -> list[str]:
     Tails and joints without a body part have the group of their parent.
     """
     known = anatomy(skeleton)
-    torso = "torso" if "torso" in group_names else "upper"
-    head = "head" if "head" in group_names else torso
-    arms = dict.fromkeys(("left", "right", ""), "arms" if "arms" in group_names else torso)
-    if "larm" in group_names:
-        arms |= {"left": "larm", "right": "rarm"}
     groups: list[str] = []
-    for joint, (part, side) in enumerate(zip(known.parts, known.sides, strict=True)):
-        parent = int(skeleton.parents[joint])
-        if part in ARM:
-            group = arms[side]
-        elif part in ("neck", "head"):
-            group = head
-        elif part == "trunk":
-            group = torso
-        elif part in ("tail", "other") and parent >= 0:
-            group = groups[parent]
-        else:
-            group = "lower"
-        groups.append(group)
+    for part, side, parent in zip(known.parts, known.sides, skeleton.parents.tolist(), strict=True):
+        follows = part in ("tail", "other") and parent >= 0
+        above = groups[parent] if follows else "lower"
+        groups.append(_group_of_part(part, side, group_names) or above)
     return groups
 
 

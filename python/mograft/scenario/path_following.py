@@ -1,6 +1,6 @@
 """Beam search for base segments whose root follows a path on the floor."""
 
-from dataclasses import dataclass, fields, replace
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -80,38 +80,21 @@ def follow(library: Library, path: npt.ArrayLike, *, graph: Transitions | None =
     return Scenario(graph.segments[nodes], None, place, turn)
 
 
-@dataclass(frozen=True, eq=False)
-class _Beam:
-    """Segment sequences of the search, one per row; lengths are in skeleton heights."""
-
-    node: IntArray  # the segment
-    previous: IntArray  # the segment before it; -1 at the start
-    initial_turn: FloatArray  # rotation that places the first segment, about up, in radians
-    turn: FloatArray  # rotation that places the segment `node`
-    position: ComplexArray  # of the root
-    progress: FloatArray  # arc length of the nearest point of the path
-    cost: FloatArray
-    seconds: FloatArray
-    parent: IntArray  # row, in the previous beam, of the sequence without the segment `node`
-
-    @classmethod
-    def start(cls, n: int) -> "_Beam":
-        """Return sequences of one segment: every segment with every heading."""
-        turn = np.repeat(2 * np.pi / _N_HEADINGS * np.arange(_N_HEADINGS), n)
-        size = n * _N_HEADINGS
-        return cls(
-            node=np.tile(np.arange(n), _N_HEADINGS),
-            previous=np.full(size, -1),
-            initial_turn=turn,
-            turn=turn,
-            position=np.zeros(size, complex),
-            **dict.fromkeys(("progress", "cost", "seconds"), np.zeros(size)),
-            parent=np.arange(size),
-        )
-
-    def select(self, rows: IntArray) -> "_Beam":
-        """Return the sequences of the given rows."""
-        return _Beam(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
+# Segment sequences of the search, one per row; lengths are in skeleton heights.
+_BEAM = np.dtype(
+    [
+        ("node", np.int64),  # the segment
+        ("previous", np.int64),  # the segment before it; -1 at the start
+        ("initial_turn", float),  # rotation that places the first segment, about up, in radians
+        ("turn", float),  # rotation that places the segment `node`
+        ("position", complex),  # of the root
+        ("progress", float),  # arc length of the nearest point of the path
+        ("cost", float),
+        ("seconds", float),
+        ("parent", np.int64),  # row, in the previous beam, of the sequence without `node`
+    ]
+)
+_Beam: TypeAlias = npt.NDArray[np.void]
 
 
 class _PathSearch:
@@ -146,51 +129,52 @@ class _PathSearch:
         if walks.any():
             speed = float(distances[walks].sum() / self.durations[walks].sum())
         max_seconds = _MAX_DURATION_FACTOR * float(total + 1.0) / speed
-        beam = _Beam.start(len(self.displacements))
+        # At the start, sequences of one segment: every segment with every heading.
+        beam = np.zeros((_N_HEADINGS, len(self.displacements)), _BEAM)
+        beam["node"], beam["previous"] = np.arange(len(self.displacements)), -1
+        beam["turn"] = 2 * np.pi / _N_HEADINGS * np.arange(_N_HEADINGS)[:, None]
+        beam["initial_turn"] = beam["turn"]
+        beam = beam.ravel()
         history: list[_Beam] = []
-        while not history or beam.progress[0] != total:
+        while not history or beam["progress"][0] != total:
             beam = self._expand(beam) if history else beam
-            beam = self._walk_segment(beam)
+            self._walk_segment(beam)
             rows = self._best_rows(beam, max_seconds)
             if not len(rows):
-                reached = beam.progress.max() * self.height
+                reached = beam["progress"].max() * self.height
                 raise ValueError(
                     f"no segment sequence follows the whole path: at most {reached:.4g} of "
                     f"{total * self.height:.4g} units in {max_seconds:.4g} s; add walking clips"
                 )
-            beam = beam.select(rows)
+            beam = beam[rows]
             history.append(beam)
         nodes, row = [], 0
         for states in reversed(history):
-            nodes.append(int(states.node[row]))
-            row = int(states.parent[row])
-        return np.array(nodes[::-1]), float(beam.initial_turn[0])
+            nodes.append(int(states["node"][row]))
+            row = int(states["parent"][row])
+        return np.array(nodes[::-1]), float(beam["initial_turn"][0])
 
     def _rotate(self, vectors: ComplexArray, turn: FloatArray) -> ComplexArray:
         return np.exp(1j * self.rotation_sense * turn) * vectors
 
-    def _walk_segment(self, beam: _Beam) -> _Beam:
-        """Move each sequence along its last segment; update position, progress, cost, duration."""
-        step = self._rotate(self.displacements[beam.node], beam.turn)
-        position = beam.position + step
-        progress, distance = self._nearest_on_path(
-            position, beam.progress, beam.progress + 2.0 * np.abs(step)
+    def _walk_segment(self, beam: _Beam) -> None:
+        """Move each sequence along its last segment, in place."""
+        step = self._rotate(self.displacements[beam["node"]], beam["turn"])
+        length = np.abs(step)
+        beam["position"] += step
+        beam["progress"], distance = self._nearest_on_path(
+            beam["position"], beam["progress"], beam["progress"] + 2.0 * length
         )
-        return replace(
-            beam,
-            position=position,
-            progress=progress,
-            cost=beam.cost + _OFF_PATH_WEIGHT * distance * np.abs(step),
-            seconds=beam.seconds + self.durations[beam.node],
-        )
+        beam["cost"] += _OFF_PATH_WEIGHT * distance * length
+        beam["seconds"] += self.durations[beam["node"]]
 
     def _best_rows(self, beam: _Beam, max_seconds: float) -> IntArray:
         """Return the rows to keep, best first: at most one for each last segment and heading."""
-        remaining = self.arc_lengths[-1] - beam.progress
-        order = np.argsort(beam.cost + _REMAINING_WEIGHT * remaining, kind="stable")
-        order = order[beam.seconds[order] <= max_seconds]
-        heading = np.round(beam.turn[order] / (2 * np.pi / _N_HEADINGS)).astype(np.int64)
-        key = beam.node[order] * _N_HEADINGS + heading % _N_HEADINGS
+        remaining = self.arc_lengths[-1] - beam["progress"]
+        order = np.argsort(beam["cost"] + _REMAINING_WEIGHT * remaining, kind="stable")
+        order = order[beam["seconds"][order] <= max_seconds]
+        heading = np.round(beam["turn"][order] / (2 * np.pi / _N_HEADINGS)).astype(np.int64)
+        key = beam["node"][order] * _N_HEADINGS + heading % _N_HEADINGS
         _, first = np.unique(key, return_index=True)
         return order[np.sort(first)[:_BEAM_WIDTH]]
 
@@ -200,24 +184,21 @@ class _PathSearch:
         Transitions back to the segment before the last one are left out, unless all transitions of
         all sequences lead back.
         """
-        graph = self.graph
-        counts = np.diff(graph.first_edge)[beam.node]
-        parent = np.repeat(np.arange(len(beam.node)), counts)
-        offsets = graph.first_edge[beam.node] - np.cumsum(counts) + counts
+        graph, nodes = self.graph, beam["node"]
+        counts = np.diff(graph.first_edge)[nodes]
+        parent = np.repeat(np.arange(len(nodes)), counts)
+        offsets = graph.first_edge[nodes] - np.cumsum(counts) + counts
         edge = np.arange(len(parent)) + np.repeat(offsets, counts)
-        is_new: BoolArray = graph.targets[edge] != beam.previous[parent]
+        is_new: BoolArray = graph.targets[edge] != beam["previous"][parent]
         if is_new.any():
             parent, edge = parent[is_new], edge[is_new]
-        added = self._rotate(self.seam_displacements[edge], beam.turn[parent])
-        return replace(
-            beam.select(parent),
-            node=graph.targets[edge],
-            previous=beam.node[parent],
-            turn=beam.turn[parent] + graph.yaw_changes[edge],
-            position=beam.position[parent] + added,
-            cost=beam.cost[parent] + graph.costs[edge],
-            parent=parent,
-        )
+        longer = beam[parent]
+        longer["position"] += self._rotate(self.seam_displacements[edge], longer["turn"])
+        longer["previous"], longer["node"] = longer["node"], graph.targets[edge]
+        longer["turn"] += graph.yaw_changes[edge]
+        longer["cost"] += graph.costs[edge]
+        longer["parent"] = parent
+        return longer
 
     def _nearest_on_path(
         self, positions: ComplexArray, lower: FloatArray, upper: FloatArray
