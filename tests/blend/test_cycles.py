@@ -121,9 +121,8 @@ def test_cut_cycle_bad_arguments_are_named():
         mg.cut_cycle(motion, -1)
     with pytest.raises(ValueError, match=r"no cycle of 2.25 to 3.75 s: it has 0.633 s"):
         mg.cut_cycle(motion[:20], 3.0)
-    for n_frames in (1, 2, 3):
-        with pytest.raises(ValueError, match="has no cycle"):
-            mg.cut_cycle(motion[:n_frames])
+    with pytest.raises(ValueError, match="has no cycle"):
+        mg.cut_cycle(motion[:1])
     still = mg.Motion(
         motion.skeleton, 1 / RATE, motion.rotations[[0] * 40], motion.positions[[0] * 40]
     )

@@ -60,42 +60,31 @@ def bent(points, wanted, axis):
     at_start, at_middle = bend_limb(start, middle, end, wanted[None], axis[None])
     knee = start + rotations.rotate(at_start, middle - start)
     foot = rotations.rotate(at_middle, end - middle) + middle
-    return knee[0], (start + rotations.rotate(at_start, foot - start))[0], at_start, at_middle
+    return knee[0], (start + rotations.rotate(at_start, foot - start))[0]
 
 
-@given(SEEDS, st.floats(0.0, 3.0), st.floats(0.02, 0.98))
-def test_bend_limb_target_in_reach_is_met(seed, bend, share):
+@given(SEEDS, st.floats(0.0, 3.0), st.floats(0.02, 3.0))
+def test_bend_limb_meets_target_or_straightens_towards_it(seed, bend, share):
     rng = np.random.default_rng(seed)
     points, axis, upper, lower = limb(rng, bend)
     way = rng.normal(size=3)
+    way /= np.linalg.norm(way)
     distance = abs(upper - lower) + share * (upper + lower - abs(upper - lower))
-    wanted = points[0] + way / np.linalg.norm(way) * distance
     # Also with an axis that is slightly off the normal of the limb's plane.
     for off in (0.0, 0.05):
         tilted = axis + off * rng.normal(size=3)
-        knee, foot, *_ = bent(points, wanted, tilted / np.linalg.norm(tilted))
+        knee, foot = bent(points, points[0] + distance * way, tilted / np.linalg.norm(tilted))
         if off == 0.0 or 0.1 < share < 0.9:
+            wanted = points[0] + way * min(distance, upper + lower)
             np.testing.assert_allclose(foot, wanted, atol=1e-6)
         assert np.linalg.norm(knee - points[0]) == pytest.approx(upper)
         assert np.linalg.norm(foot - knee) == pytest.approx(lower)
 
 
-@given(SEEDS, st.floats(0.1, 3.0), st.floats(1.0, 3.0))
-def test_bend_limb_target_out_of_reach_straightens_towards_it(seed, bend, times):
-    rng = np.random.default_rng(seed)
-    points, axis, upper, lower = limb(rng, bend)
-    way = rng.normal(size=3)
-    way /= np.linalg.norm(way)
-    foot = bent(points, points[0] + way * (upper + lower) * times, axis)[1]
-    np.testing.assert_allclose(foot, points[0] + way * (upper + lower), atol=1e-6)
-
-
-def test_bend_limb_degenerate_targets_give_finite_rotations():
+def test_bend_limb_degenerate_targets_give_finite_positions():
     straight = np.array([[0, 0, 0], [0, -1, 0], [0, -2, 0]], float)
     for wanted in ([0, 0, 0], [0, 2, 0], [0, -5, 0], [0, -2, 0]):
-        assert np.isfinite(
-            np.concatenate(bent(straight, np.array(wanted, float), np.eye(3)[0])[2:])
-        ).all()
+        assert np.isfinite(bent(straight, np.array(wanted, float), np.eye(3)[0])).all()
 
 
 def test_detect_contacts_dancer_matches_stance(sample):
@@ -112,19 +101,20 @@ def test_detect_contacts_is_independent_of_unit(sample, scale):
     assert foot_skate(other) == pytest.approx(foot_skate(motion))
 
 
-@settings(max_examples=12, deadline=None)
-@given(SEEDS)
-def test_plant_feet_sliding_motion_fixes_feet_and_keeps_bone_lengths(sample, seed):
+@few_examples(20)
+@given(SEEDS, st.floats(0.0, 20.0))
+def test_plant_feet_sliding_motion_fixes_feet_and_keeps_bones_and_root_speed(sample, seed, size):
+    """For any distance that legs lack; without a shift every position stays."""
     rng = np.random.default_rng(seed)
     start = int(rng.integers(0, sample.motion.n_frames - 200))
     stands = detect_contacts(sample.motion)[start : start + 200]
-    motion = sliding(sample.motion[start : start + 200], [*rng.uniform(-8, 8, 1), 0.0, 5.0])
-    still, _ = plant_feet(motion, stands)
+    motion = sliding(sample.motion[start : start + 200], rng.uniform(-size, size, 3))
+    still, report = plant_feet(motion, stands)
     height = mass_model(motion.skeleton).height
     points = Ground.of(motion).points(still)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=-1) / height
-    held = stands[1:] & stands[:-1]
-    assert steps[held].max(initial=0) < 1e-3
+    if not report.unreached_frames:
+        assert steps[stands[1:] & stands[:-1]].max(initial=0) < 1e-3
     lengths = [
         np.linalg.norm(np.diff(m.world_positions()[:, [1, 2, 3]], axis=1), axis=-1)
         for m in (motion, still)
@@ -133,6 +123,12 @@ def test_plant_feet_sliding_motion_fixes_feet_and_keeps_bone_lengths(sample, see
     others = np.setdiff1d(np.arange(motion.n_joints), [1, 2, 3, 4, 5, 6])
     np.testing.assert_array_equal(still.rotations[:, others], motion.rotations[:, others])
     np.testing.assert_array_equal(still.positions[:, 1:], motion.positions[:, 1:])
+    speeds = [
+        np.linalg.norm(np.diff(m.positions[:, 0, [0, 2]], axis=0), axis=1) for m in (motion, still)
+    ]
+    assert speeds[1].max() <= speeds[0].max() * (1 + 1e-9)
+    if report.moved_root == 0:
+        np.testing.assert_array_equal(still.positions, motion.positions)
 
 
 @pytest.mark.parametrize("rise", [-0.03, 0.06])
@@ -146,23 +142,6 @@ def test_plant_feet_of_raised_or_sunk_motion_stand_near_the_floor(sample, rise):
     heights = ground.above(ground.points(still))[stands] / ground.height
     assert heights.min() >= -0.01 - 1e-3
     assert heights.max() <= 0.03 + 1e-3
-
-
-@settings(max_examples=12, deadline=None)
-@given(SEEDS)
-def test_plant_feet_root_is_no_faster_than_before(sample, seed):
-    """For any distance that legs lack; without a shift every position stays."""
-    rng = np.random.default_rng(seed)
-    start = int(rng.integers(0, sample.motion.n_frames - 200))
-    motion = sliding(sample.motion[start : start + 200], rng.uniform(-20, 20, 3))
-    stands = detect_contacts(sample.motion)[start : start + 200]
-    still, report = plant_feet(motion, stands)
-    speeds = [
-        np.linalg.norm(np.diff(m.positions[:, 0, [0, 2]], axis=0), axis=1) for m in (motion, still)
-    ]
-    assert speeds[1].max() <= speeds[0].max() * (1 + 1e-9)
-    if report.moved_root == 0:
-        np.testing.assert_array_equal(still.positions, motion.positions)
 
 
 def depths(motion, ground):

@@ -10,7 +10,7 @@ from mograft import Skeleton
 from mograft.body.capsules import Capsules, box_clearance, capsules, clearance
 from mograft.motion import rotations
 from tests.oracles.capsules import capsule_distances
-from tests.strategies import SEEDS, quaternions, skeletons, smooth_rotations, vectors
+from tests.strategies import SEEDS, quaternions, smooth_rotations, vectors
 
 ALL_PAIRS = np.array([(i, j) for i in range(3) for j in range(2)])
 
@@ -97,18 +97,11 @@ def test_capsule_ends_follow_joint_and_rotated_bone(seed, joints):
         np.testing.assert_allclose(ends[:, row, 1], stop, atol=1e-14)
 
 
-@settings(max_examples=25, deadline=None)
-@given(SEEDS)
-def test_capsules_arbitrary_skeleton_is_valid(seed):
-    skeleton = skeletons(np.random.default_rng(seed), 6)
-    body = capsules(skeleton)
-    assert (body.radii > 0).all()
-    assert len(set(body.joints.tolist())) == len(body)
-
-
 def test_capsules_hand_covers_fingers():
     names = ["Hips", "LeftUpLeg", "LeftArm", "LeftForeArm", "LeftHand", "LeftHandIndex1"]
     offsets = [[0, 0, 0], [9, -5, 0], [20, 50, 0], [30, 0, 0], [25, 0, 0], [9, 0, 0]]
     body = capsules(Skeleton(names, [-1, 0, 0, 2, 3, 4], offsets))
+    assert (body.radii > 0).all()
+    assert body.joints.tolist() == [0, 1, 2, 3, 4]
     assert "finger" not in body.parts
     np.testing.assert_allclose(body.bones[body.parts.index("hand")], [9, 0, 0])

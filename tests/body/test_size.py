@@ -40,6 +40,12 @@ def plain(clips):
     return {base: mg.Library.build(clips, own) for base, own in groups.items()}
 
 
+def in_units(library, factors):
+    """Return the library of clips in other units."""
+    clips = [transform_motion(*own) for own in zip(library.clips, factors, strict=True)]
+    return mg.Library.build(clips, library.groups)
+
+
 @pytest.mark.parametrize("base", ["lower", "upper"])
 @few_examples(6)
 @given(factors=FACTORS, chosen=st.integers(0, 1), seed=st.integers(0, 99))
@@ -47,11 +53,7 @@ def plain(clips):
 def test_graft_clips_in_other_units_equals_scaled_graft(plain, base, factors, chosen, seed):
     library = plain[base]
     expected = mg.graft(library, f"clip{chosen}", seed=seed)
-    mixed = [
-        transform_motion(clip, factor) for clip, factor in zip(library.clips, factors, strict=True)
-    ]
-    library = mg.Library.build(mixed, library.groups)
-    found = mg.graft(library, f"clip{chosen}", seed=seed)
+    found = mg.graft(in_units(library, factors), f"clip{chosen}", seed=seed)
     assert any(own.donor != own.segment for own in expected.substitutions)
     assert (found.motion.rotations == expected.motion.rotations).all()
     assert (found.motion.positions == factors[chosen] * expected.motion.positions).all()
@@ -65,11 +67,7 @@ def test_scenario_clips_in_other_units_has_the_size_of_the_first(plain, factors,
     segments = np.flatnonzero(library.segments.start > 50)[::7]
     segments = segments[np.argsort(library.segments.clip[segments] != first, kind="stable")]
     expected, _ = realize_scenario(library, Scenario(segments))
-    mixed = [
-        transform_motion(clip, factor) for clip, factor in zip(library.clips, factors, strict=True)
-    ]
-    library = mg.Library.build(mixed, library.groups)
-    found, _ = realize_scenario(library, Scenario(segments))
+    found, _ = realize_scenario(in_units(library, factors), Scenario(segments))
     assert (found.positions == factors[first] * expected.positions).all()
 
 

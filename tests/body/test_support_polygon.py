@@ -83,11 +83,12 @@ def test_signed_distance_empty_polygon_is_nan():
 
 
 def test_support_polygons_both_feet_down_contain_ankles():
-    motion = dance(seed=3, strides=1).motion[:400]
+    sample = dance(seed=3, strides=1)[:400]
+    motion = sample.motion
     support = support_polygons(motion)
     model = mass_model(motion.skeleton)
     joints = motion.world_positions()
-    frames = np.flatnonzero(support.touching.all(axis=1))[::20]
+    frames = np.flatnonzero(sample.stance.all(axis=1))[::20]
     assert len(frames)
     for frame in frames:
         polygon = support.polygons[frame][: support.sizes[frame]]

@@ -36,6 +36,9 @@ def test_repetition_random_sequence_matches_comparison_of_all_runs(library, item
     assert found.longest_repeat * library.rate == pytest.approx(longest_repeat(items, lengths))
     assert found.distinct_share == len(set(items)) / len(items)
     assert repetition(library, Scenario(items)) == found
+    for outside in (-1, 10**6):
+        with pytest.raises(ValueError, match=f"must contain only segments 0 to .*{outside}"):
+            repetition(library, [*items, outside])
 
 
 def ring_graph(n):
@@ -84,17 +87,11 @@ def test_walk_costly_new_run_is_preferred_to_free_repeated_run(library):
         assert set(entered[:3]) == {0, 21}
 
 
-@pytest.mark.parametrize("outside", [-1, 10**6])
-def test_repetition_segment_outside_library_raises_value_error(library, outside):
-    with pytest.raises(ValueError, match=f"`scenario` must contain only segments 0 to .*{outside}"):
-        repetition(library, [0, outside])
-
-
-@pytest.mark.parametrize("penalty", [-1.0, np.nan, np.inf])
-def test_walks_invalid_repeat_penalty_raises_value_error(library, graph, penalty):
+def test_walks_invalid_repeat_penalty_raises_value_error(library, graph):
     for make, argument in ((walk, 5.0), (fill, 300), (to_beats, [0.0, 1.0, 2.0])):
-        with pytest.raises(ValueError, match="`repeat_penalty` must"):
-            make(library, argument, graph=graph, repeat_penalty=penalty)
+        for penalty in (-1.0, np.nan, np.inf):
+            with pytest.raises(ValueError, match="`repeat_penalty` must"):
+                make(library, argument, graph=graph, repeat_penalty=penalty)
 
 
 def test_graft_report_of_scenario_has_repetition(library):
