@@ -289,7 +289,6 @@ GRAFT_OPTIONS = """
     --set neighbourhood=ball --set choice=nearest
     --set sigma_scale=1.2
     --set sigma_scale=0.2 -n 5
-    --set alignment=dtw
     --set torso=pelvis
     --set torso=world
     --set feet=never

@@ -147,10 +147,6 @@ class Config:
     seam_blend : float
         Duration, in seconds, on each side of a seam within which all treatments except "paper"
         and "displacement" may change frames.
-    alignment : {"uniform", "dtw"}
-        How a donor is stretched to the length of the base segment: at a constant rate, or by
-        dynamic time warping, which aligns the base group's motion in the donor with that in the
-        base segment. The warp is used only if it reduces their distance by at least 5 %.
     torso : {"pelvis", "world"}
         What a grafted trunk keeps if the pelvis of the base moves differently from that of the
         donor: its angle to the pelvis (the paper), or its lean in the world, with the heading of
@@ -222,7 +218,6 @@ class Config:
     )
     seam_window: float = setting("blend", 5 * FRAME, 0)
     seam_blend: float = setting("blend", 0.3)
-    alignment: Literal["uniform", "dtw"] = setting("blend", "uniform")
     torso: Literal["pelvis", "world"] = setting("blend", "world")
     loop: Literal["auto", "on", "off"] = setting("search", "auto")
     self_repair: bool = setting("search", default=True)

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from mograft import Config, Library
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.time_warp import ALIGNMENTS
 from mograft.config import CHOICES, STAGES, setting
 from mograft.dancer import dance
 from mograft.library.derive import BUILD_STAGES
@@ -152,12 +151,7 @@ def test_docstring_and_objects_have_the_words_of_the_annotation(name):
     text = inspect.getdoc(Config).replace("\n", "\n    ")
     (listed,) = re.findall(rf"^    {name} : {{(.*)}}$", text, re.M)
     assert listed == ", ".join(f'"{word}"' for word in CHOICES[name])
-    objects = {
-        "alignment": ALIGNMENTS,
-        "choice": DONOR_CHOICES,
-        "neighbourhood": NEIGHBOURHOODS,
-        "seam": SEAM_TREATMENTS,
-    }
+    objects = {"choice": DONOR_CHOICES, "neighbourhood": NEIGHBOURHOODS, "seam": SEAM_TREATMENTS}
     assert tuple(objects.get(name, CHOICES[name])) == CHOICES[name]
     for word in CHOICES[name]:
         assert getattr(Config(**{name: word}), name) == word

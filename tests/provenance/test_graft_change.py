@@ -145,7 +145,7 @@ def span_cost(problem, motion, group, frames, span):
     """The cost of one span (oracle)."""
     config, model = problem.config, problem.cost_models[group]
     clip, n, m = problem.library.clips[span.clip], frames[1] - frames[0], span.stop - span.start
-    joints, base = problem.library.joints(group), problem.group_specs[group].base_joints
+    joints, base = problem.library.joints(group), problem.base_joints
 
     def angle(frame, own, which):
         return rotations.angle(motion.rotations[frame, which], clip.rotations[own, which]).mean()

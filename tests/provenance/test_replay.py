@@ -105,17 +105,14 @@ def test_replay_of_graft_with_constraints_is_identical(library, constraints, tmp
     seed=SEEDS,
     choice=st.sampled_from(CHOICES["choice"]),
     seam=st.sampled_from(CHOICES["seam"]),
-    alignment=st.sampled_from(CHOICES["alignment"]),
     torso=st.sampled_from(CHOICES["torso"]),
     sigma_scale=st.sampled_from([0.5, 0.75, 1.5]),
     swap=st.sets(st.sampled_from(["torso", "larm", "rarm"]), min_size=1),
 )
 def test_replay_of_any_configuration_is_identical(
-    four_groups, tmp_path_factory, seed, choice, seam, alignment, torso, sigma_scale, swap
+    four_groups, tmp_path_factory, seed, choice, seam, torso, sigma_scale, swap
 ):
-    config = mg.Config(
-        choice=choice, seam=seam, alignment=alignment, torso=torso, sigma_scale=sigma_scale
-    )
+    config = mg.Config(choice=choice, seam=seam, torso=torso, sigma_scale=sigma_scale)
     graft = mg.graft_many(four_groups.relabelled(config), "b", 2, swap=sorted(swap), seed=seed)[-1]
     check_replay(graft, tmp_path_factory.mktemp("replay"))
 

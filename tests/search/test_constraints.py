@@ -457,7 +457,7 @@ def test_repair_changes_only_violating_segments_and_neighbours(library):
     assert_array_equal(graft.motion.rotations[is_kept], base.rotations[is_kept])
 
 
-CHANGES = [{"torso": "pelvis"}, {"alignment": "dtw"}, {"choice": "sample"}, {"choice": "random"}]
+CHANGES = [{"torso": "pelvis"}, {"choice": "sample"}, {"choice": "random"}]
 
 
 @pytest.mark.parametrize("changes", CHANGES)

@@ -124,7 +124,7 @@ def test_graft_without_novelty_is_the_captured_motion(library, motion):
 
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"choice": "viterbi"}, {"seam": "paper"}, {"seam": "inertial"}, {"alignment": "dtw"}],
+    [{}, {"choice": "viterbi"}, {"seam": "paper"}, {"seam": "inertial"}],
     ids=lambda own: next(iter(own.values()), "default"),
 )
 def test_graft_quaternion_signs_change_no_choice_and_no_pose(motion, changes):

@@ -1,7 +1,7 @@
 """Donor segments stretched to replace base segments: their values at any time, and their seams."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +17,6 @@ from mograft.blend.seams import (
     SeamBoundaries,
     ValueSpace,
 )
-from mograft.blend.time_warp import TimeWarp
 from mograft.config import FRAME, Config
 from mograft.motion import rotations
 from mograft.motion.resample import clip_states, sample_clips
@@ -39,7 +38,6 @@ class DonorTimeline:
     cut: Segments  # the base segments, in order of time
     donors: Segments  # the donor of each base segment
     rate: float  # frames per second
-    warp: TimeWarp | None = None  # None: donors are stretched at a constant rate
     alignment: AlignmentTransform | None = None  # of each donor of a root; None: as captured
 
     def frame_times(self) -> SegmentTimes:
@@ -68,10 +66,6 @@ class DonorTimeline:
         donors, segment = self.donors, times.segment
         # In this order divisions without remainder are exact.
         elapsed = times.frames * donors.lengths[segment] / self.cut.lengths[segment]
-        if self.warp is not None:
-            share = self.warp.donor_share(segment, times.frames / self.cut.lengths[segment])
-            is_warped = self.warp.is_warped[segment]
-            elapsed = np.where(is_warped, share * donors.lengths[segment], elapsed)
         values = sample_clips(tracks, donors.clip[segment], donors.start[segment] + elapsed)
         if self.alignment is not None:
             _align(self.alignment[segment], space, values)
@@ -85,24 +79,15 @@ class DonorTimeline:
         `seams` are the indices of the segments that end with a seam.
         """
         sides = []
-        for segments, frames, end, first in (
-            (seams, self.donors.stop, -1, self.cut.lengths - 2),
-            (seams + 1, self.donors.start, 0, np.zeros_like(self.cut.lengths)),
-        ):
+        for segments, frames in ((seams, self.donors.stop), (seams + 1, self.donors.start)):
             donors = self.donors[segments]
             values, velocities, accelerations = clip_states(tracks, donors.clip, frames[segments])
             self._smooth_accelerations(accelerations, tracks, donors.clip, frames[segments])
             if self.alignment is not None:
                 _align(self.alignment[segments], space, values, velocities)
-            speed = self.rate * donors.lengths / self.cut.lengths[segments]
-            accelerations *= (donors.lengths / self.cut.lengths[segments])[:, None, None] ** 2
-            if self.warp is not None:
-                is_warped = self.warp.is_warped[segments]
-                speed *= np.where(is_warped, self.warp.slopes[segments, end], 1.0)
-                warped = segments[is_warped]
-                own = self._warped_accelerations(space, tracks, warped, first[warped])
-                accelerations[is_warped] = own
-            velocities *= speed[:, None, None]
+            lengths = self.cut.lengths[segments]
+            velocities *= (self.rate * donors.lengths / lengths)[:, None, None]
+            accelerations *= (donors.lengths / lengths)[:, None, None] ** 2
             sides.append((values, velocities, accelerations))
         (before, velocity_before, ending), (after, velocity_after, starting) = sides
         both = np.stack([ending, starting])
@@ -126,21 +111,6 @@ class DonorTimeline:
                 own = clip_states(tracks, clips, at.clip(0, last[clips]))[2]
                 accelerations += own * ((step - distance) / step**2)
 
-    def _warped_accelerations(
-        self, space: ValueSpace, tracks: Sequence[FloatArray], segments: IntArray, first: IntArray
-    ) -> FloatArray:
-        """Return the accelerations of warped donors, per frame².
-
-        Each is the second difference of three frames of the segment, from frame `first` on. A warp
-        ends with its donor: there are no warped frames beyond the seam.
-        """
-        captured = replace(self, alignment=None)
-        a, b, c = (
-            captured.sample(space, tracks, SegmentTimes(segments, (first + k).astype(np.float64)))
-            for k in range(3)
-        )
-        return space.delta(b, c) - space.delta(a, b)
-
     def piece_times(self, seams: IntArray, times: SegmentTimes, blend: float) -> PieceTimes:
         """Convert times since the start of a segment to times since the start of a piece.
 
@@ -157,18 +127,15 @@ class DonorTimeline:
     def find_seams(self, tracks: Sequence[FloatArray], joints: IntArray | None = None) -> BoolArray:
         """Return whether there is a seam after each segment but the last, shape (n_segments - 1,).
 
-        Two donors continue each other without a seam if neither is stretched or warped, and the
-        last frame of the first donor and its two neighbours in the clip equal, bit for bit, the
-        first frame of the second donor and its neighbours. The donors may be in two copies of a
-        clip.
+        Two donors continue each other without a seam if neither is stretched, and the last frame of
+        the first donor and its two neighbours in the clip equal, bit for bit, the first frame of
+        the second donor and its neighbours. The donors may be in two copies of a clip.
         `joints` are the columns of `tracks` that are compared, by default all.
         """
         donors = self.donors
         if joints is None:
             joints = np.arange(tracks[0].shape[1])
         is_stretched = donors.lengths != self.cut.lengths
-        if self.warp is not None:
-            is_stretched |= self.warp.is_warped
         seams: BoolArray = is_stretched[1:] | is_stretched[:-1]
         follows = donors.clip[1:] == donors.clip[:-1]
         follows &= donors.start[1:] == donors.stop[:-1]

@@ -11,7 +11,6 @@ from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
 from mograft.blend.recombine import Part
 from mograft.blend.root_motion import graft_root
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.time_warp import ALIGNMENTS
 from mograft.blend.trunk_lean import TrunkLean
 from mograft.body.size import resize
 from mograft.config import Config
@@ -36,7 +35,6 @@ class GraftedGroup:
     joints: IntArray  # including joints of which the group holds only single channels
     root: int | None = None  # the joint whose translation moves the body through the world
     up: int = 1  # the axis that points up: 0, 1 or 2
-    base_joints: IntArray | None = None  # joints that ``alignment="dtw"`` compares
     held: Mapping[int, str] = field(default_factory=dict)  # axes of single channels, by joint
 
     @property
@@ -74,10 +72,6 @@ def transplant(
     donors, clips = replace(donors, clip=clip), [clips[index] for index in used]
     joints = group.whole_joints
     timeline = DonorTimeline(cut, donors, base.rate)
-    align = ALIGNMENTS[config.alignment]
-    if align is not None and group.base_joints is not None:
-        warp = align(base, cut, donors, clips, group.base_joints)
-        timeline = replace(timeline, warp=warp)
     lean = lean or TrunkLean.from_config(base, joints, group.up, config)
     moving: BoolArray = np.any([clip.is_translated[joints] for clip in clips], axis=0)
     is_root = joints == group.root

@@ -8,9 +8,9 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.validate import as_integer, check_type
-from mograft.blend.time_warp import gaps_in_band, warping_path
 from mograft.body.anatomy import feature_joints
 from mograft.datasets.executors import call_each, check_executor
+from mograft.datasets.time_warp import gaps_in_band, warping_path
 from mograft.errors import suggest_frames
 from mograft.library.clip_keys import find_words
 from mograft.library.library import Library

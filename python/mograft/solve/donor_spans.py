@@ -134,13 +134,11 @@ class _Range:
         library = problem.library
         whole = part.spec.whole_joints
         self.joints = np.setdiff1d(feature_joints(library.skeleton, whole), [library.root])
-        base_joints = part.spec.base_joints
-        self.base_joints = np.zeros(0, np.int64) if base_joints is None else base_joints
         self.n = frames[1] - frames[0]
         samples = frames[0] + np.round(np.linspace(0.0, self.n, _N_SAMPLES)).astype(np.int64)
         # Of the motion, and of the base, which is no more new.
         self.parts = [own.rotations[samples][:, self.joints] for own in (motion, problem.base)]
-        self.base_part = motion.rotations[samples][:, self.base_joints]
+        self.base_part = motion.rotations[samples][:, problem.base_joints]
         ends = [max(frames[0] - 1, 0), min(frames[1], motion.n_frames - 2)]
         self.speeds = _speeds(motion, self.joints)[ends]
 
@@ -181,8 +179,9 @@ class _Range:
         rows = np.arange(_N_SAMPLES)[:, None]
         differences = gaps[rows, frames].mean(axis=0)
         distances = np.zeros(len(starts))
-        if len(self.base_joints):
-            base_gaps = pose_gaps(self.base_part, motion.rotations[:, self.base_joints])
+        base_joints = self.problem.base_joints
+        if len(base_joints):
+            base_gaps = pose_gaps(self.base_part, motion.rotations[:, base_joints])
             distances = base_gaps[rows, frames].mean(axis=0) / model.scales.angle
         n, is_same = np.full(len(starts), self.n), np.zeros(len(starts), bool)
         costs = model.unary(n, stops - starts, distances, is_same) + model.similarity(differences)

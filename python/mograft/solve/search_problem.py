@@ -303,6 +303,12 @@ class SearchProblem:
         return {group: np.setdiff1d(joints(group), list(divided[group])) for group in self.pools}
 
     @cached_property
+    def base_joints(self) -> IntArray:
+        """The joints of the base group, without the root, whose poses are compared."""
+        compared = feature_joints(self.base.skeleton, self.library.joints(self.library.groups.base))
+        return np.setdiff1d(compared, [self.library.root])
+
+    @cached_property
     def root_group(self) -> str | None:
         """The grafted group that contains the root and whose donors drive it, or None."""
         root = self.library.root
@@ -320,14 +326,11 @@ class SearchProblem:
     def group_specs(self) -> dict[str, GraftedGroup]:
         """For each grafted group, its description as an argument of `transplant`."""
         library = self.library
-        # Time warping compares the joints of the base group except the root.
-        compared = feature_joints(library.skeleton, library.joints(library.groups.base))
         return {
             group: GraftedGroup(
                 joints=joints_of_donors(library, library.joints(group)),
                 root=library.root,
                 up=library.up,
-                base_joints=np.setdiff1d(compared, [library.root]),
                 held=self.divided_channels[group],
             )
             for group in self.pools

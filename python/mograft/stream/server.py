@@ -56,7 +56,7 @@ class StreamServer(socketserver.ThreadingTCPServer):
     OSError
         If the address cannot be used.
     ValueError
-        If a stream does not support the library's `Config.segmentation` or `Config.alignment`.
+        If a stream does not support the library's `Config.segmentation`.
     """
 
     daemon_threads = True

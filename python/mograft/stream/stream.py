@@ -100,9 +100,8 @@ class Stream:
         If an item of `constraints` is not a constraint.
     ValueError
         If `swap` names an unknown group, the base group, or a group that contains legs, the root or
-        single channels; if `horizon` is below 1; if the library's `Config.alignment` is not
-        "uniform"; if its `Config.segmentation` needs later frames; or if a constraint names an
-        unknown joint or clip.
+        single channels; if `horizon` is below 1; if the library's `Config.segmentation` needs later
+        frames; or if a constraint names an unknown joint or clip.
 
     Notes
     -----
@@ -369,9 +368,9 @@ class Stream:
 
 def check_stream_config(config: Config) -> None:
     """Raise ValueError for settings that a stream does not support."""
-    for name, required in (("segmentation", "energy"), ("alignment", "uniform")):
-        if (value := getattr(config, name)) != required:
-            raise ValueError(f"`Config.{name}` must be {required!r} in a stream, got {value!r}")
+    if config.segmentation != "energy":
+        got = repr(config.segmentation)
+        raise ValueError(f"`Config.segmentation` must be 'energy' in a stream, got {got}")
 
 
 def check_stream_groups(library: Library, groups: Sequence[str]) -> None:
