@@ -66,7 +66,9 @@ def test_follow_slow_segments_keep_time_limit_or_raise_value_error(library, grap
 
 
 def test_follow_invalid_path_raises_value_error(library):
-    with pytest.raises(ValueError, match="`path` must have at least two different points"):
-        follow(library, [[1.0, 2.0], [1.0, 2.0]])
-    with pytest.raises(ValueError, match=r"`path` must have shape \(n_points, 2\)"):
-        follow(library, [[1.0, 2.0, 3.0]])
+    for path, message in (
+        ([[1.0, 2.0], [1.0, 2.0]], "`path` must have at least two different points"),
+        ([[1.0, 2.0, 3.0]], r"`path` must have shape \(n_points, 2\)"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            follow(library, path)

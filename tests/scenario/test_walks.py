@@ -89,11 +89,6 @@ def test_to_beats_segments_end_at_rest_on_every_beat(library, graph, seed, perio
     assert (chosen.lengths >= 1).all()
 
 
-def test_to_beats_impossible_beat_raises_value_error_naming_it(library, graph):
-    with pytest.raises(ValueError, match=r"comes to rest on all beats from that at 1 s"):
-        to_beats(library, [0.0, 1.0, 1.034, 2.0], graph=graph)
-
-
 def test_walk_long_duration_on_few_segments_uses_all_evenly(library, monkeypatch):
     """Visit counts grow beyond the range of exp(-uses); only differences may matter."""
     monkeypatch.setattr("mograft.scenario.walks._MAX_COMPARED_VISITS", 3)  # to save time
@@ -124,6 +119,7 @@ DURATION = r"`duration` must be (above 0 and at most 86400 s|finite)"
         (to_beats, [0.0, 1.0, 1.0], 0, "`beats` must ascend, got 1 after 1"),
         (to_beats, [0.0, 1.0, 1.01], 0, "`beats` must be at least a frame apart, got 1 "),
         *((to_beats, [0.0, last], 0, SPAN) for last in (1e300, 1.7e308, 86_401.0)),
+        (to_beats, [0.0, 1.0, 1.034, 2.0], 0, "comes to rest on all beats from that at 1 s"),
     ],
 )
 def test_walks_invalid_argument_raises_value_error(library, graph, make, argument, seed, message):
