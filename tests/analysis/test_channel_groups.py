@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from mograft import Config, JointGroups, Library, Skeleton, graft
 from mograft.analysis.channel_groups import euler_angles, restrict_rotations, restrict_samples
 from mograft.analysis.embedding import Samples
-from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
+from mograft.blend.donor_timeline import DonorTimeline
 from mograft.blend.recombine import recombine
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.seams import TRANSLATIONS
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.dancer import dance
 from mograft.motion import rotations
@@ -69,11 +70,9 @@ def test_transplant_single_channel_equals_translation_blending(lengths, seed, se
     part = transplant(base, cut, donors, [base], group, Config(seam=seam))
     track = np.zeros((len(angle), 1, 3))
     track[:, 0, 0] = angle
-    timeline = DonorTimeline(cut, donors, base.rate)
-    seams = timeline.find_seams([track])
-    at_rest = np.tile(rotations.IDENTITY, (len(angle), 1, 1))
-    layout = DonorLayout(timeline, [at_rest], [track], seams, Config(seam=seam))
-    expected = layout.close()[1][:, 0, 0]
+    timeline = DonorTimeline(cut, donors, base.rate, Config(seam=seam))
+    timeline = replace(timeline, seams=timeline.find_seams([track]))
+    expected = timeline.close(TRANSLATIONS, [track])[:, 0, 0]
     blended = part.angles[3, "Y"]
     blended = np.where(np.isnan(blended), angle, blended)
     np.testing.assert_allclose(np.sin((blended - expected) / 2), 0.0, atol=1e-6)

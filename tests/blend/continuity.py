@@ -1,10 +1,13 @@
-"""Random donor layouts, and the jumps of closed layouts, measured between frames."""
+"""Random donors, and the jumps at their closed seams, measured between frames."""
+
+from dataclasses import replace
 
 import numpy as np
 
 from mograft import Config
-from mograft.blend.donor_timeline import DonorLayout, DonorTimeline, SegmentTimes
+from mograft.blend.donor_timeline import DonorTimeline, SegmentTimes
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.seams import ROTATIONS, TRANSLATIONS
 from mograft.motion import rotations
 from tests.strategies import smooth_rotations, tile_segments
 
@@ -12,24 +15,26 @@ RATE = 30.0
 STEP = 1e-5  # of a frame
 
 
-def random_layout(lengths, seed, speed=0.3, **config):
-    """Segments of a track of two moving joints and one at rest, replaced at random."""
+def random_donors(lengths, seed, speed=0.3, **config):
+    """Segments of a track of two moving joints and one at rest, replaced at random.
+
+    Returns the donors, and the tracks of rotations and of translations.
+    """
     rng = np.random.default_rng(seed)
     cut = tile_segments(lengths)
     track = smooth_rotations(rng, int(cut.stop[-1]) + 1, 3, speed)
     track[:, 2] = track[0, 2]
     donors = cut[rng.integers(0, len(cut), len(cut))]
-    timeline = DonorTimeline(cut, donors, RATE)
-    positions = np.ascontiguousarray(rotations.log(track))
-    seams = timeline.find_seams([track])
-    return DonorLayout(timeline, [track], [positions], seams, Config(**config))
+    timeline = DonorTimeline(cut, donors, RATE, Config(**config))
+    tracks = {ROTATIONS: [track], TRANSLATIONS: [np.ascontiguousarray(rotations.log(track))]}
+    return replace(timeline, seams=timeline.find_seams([track])), tracks
 
 
-def close_at(layout, space, times):
-    """Values of a layout at any times, with the gaps at seams closed."""
-    values = layout.timeline.sample(space, layout.tracks(space), times)
-    seams = layout.piece_times(times), layout.boundaries(space)
-    return SEAM_TREATMENTS[layout.config.seam].close(values, *seams)
+def close_at(timeline, space, track, times):
+    """Values of donors at any times, with the gaps at seams closed."""
+    values = timeline.sample(space, track, times)
+    seams = timeline.piece_times(times), timeline.boundaries(space, track)
+    return SEAM_TREATMENTS[timeline.config.seam].close(values, *seams)
 
 
 def one_sided_velocities(space, curve, frames, side):
@@ -38,16 +43,16 @@ def one_sided_velocities(space, curve, frames, side):
     return side * (4.0 * space.delta(here, near) - space.delta(here, far)) / (2.0 * STEP)
 
 
-def jumps(layout, space):
+def jumps(timeline, space, track):
     """Largest jump in value, and in velocity relative to 1 + velocity.
 
     Measured at segment boundaries, at inner frames and where blend windows end.
     """
 
     def on(segment):
-        return lambda frames: close_at(layout, space, SegmentTimes(segment, frames))
+        return lambda frames: close_at(timeline, space, track, SegmentTimes(segment, frames))
 
-    n = layout.timeline.cut.lengths
+    n = timeline.cut.lengths
     left = np.arange(len(n) - 1)
     before, after = on(left), on(left + 1)
     ends, starts = n[:-1].astype(float), np.zeros(len(n) - 1)
@@ -58,7 +63,7 @@ def jumps(layout, space):
             one_sided_velocities(space, after, starts, 1),
         )
     ]
-    reach = layout.config.seam_blend * layout.timeline.rate
+    reach = timeline.config.seam_blend * timeline.rate
     inner = np.concatenate([np.arange(1.0, m) for m in n])
     segment = np.repeat(np.arange(len(n)), n - 1)
     places = [(segment, inner), (np.arange(len(n)), np.full(len(n), reach)), (left, ends - reach)]

@@ -10,26 +10,26 @@ from hypothesis import strategies as st
 from mograft.blend.seams import ROTATIONS, TRANSLATIONS
 from mograft.motion import rotations
 from mograft.motion.resample import cubic, cubic_positions
-from tests.blend.continuity import RATE, random_layout
+from tests.blend.continuity import RATE, random_donors
 from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples
 
 TAU = 4.0  # frames
 
 
-def without_gradient(layout):
-    """Return the layout with "offset", from whose frames "gradient" starts."""
-    return replace(layout, config=replace(layout.config, seam="offset"))
+def solutions(timeline, space, tracks):
+    """Return the values of "offset", from which "gradient" starts, and those of "gradient"."""
+    start = replace(timeline, config=replace(timeline.config, seam="offset"))
+    return start.close(space, tracks), timeline.close(space, tracks)
 
 
-def terms(layout, space, tracks):
+def terms(timeline, space, track):
     """Donors' values, velocities and accelerations, frame by frame, in plain loops.
 
     Lists of (frames, coefficients, target) for values, velocities and accelerations; a frame that
     two donors share has two values of half weight. Beside a seam, half of the difference of the
     accelerations there is added or subtracted, less with each frame.
     """
-    cut, donors = layout.timeline.cut, layout.timeline.donors
-    track = tracks[0]
+    cut, donors = timeline.cut, timeline.donors
     values, velocities, accelerations = {}, [], {}
     for k in range(len(cut)):
         length, own = int(cut.lengths[k]), int(donors.lengths[k])
@@ -52,7 +52,7 @@ def terms(layout, space, tracks):
             accelerations.setdefault(int(frame), []).append(
                 (three[1] - three[0]) * (own / length) ** 2
             )
-    for k in np.flatnonzero(layout.seams).tolist():
+    for k in np.flatnonzero(timeline.seams).tolist():
         seam = int(cut.stop[k])
         half = 0.5 * np.subtract(*accelerations[seam][::-1])
         for length, side in ((int(cut.lengths[k]), -1), (int(cut.lengths[k + 1]), 1)):
@@ -63,8 +63,8 @@ def terms(layout, space, tracks):
     return values, velocities, accelerations
 
 
-def objective(layout, space, tracks, solved):
-    values, velocities, accelerations = terms(layout, space, tracks)
+def objective(timeline, space, track, solved):
+    values, velocities, accelerations = terms(timeline, space, track)
     steps = space.delta(solved[:-1], solved[1:])
     total = sum(
         (space.delta(row, solved[f]) ** 2).sum() / len(rows)
@@ -82,12 +82,13 @@ def objective(layout, space, tracks, solved):
 @given(SEGMENT_LENGTHS, SEEDS, st.floats(0.1, 1.0), SEEDS)
 def test_gradient_translations_minimise_the_objective(lengths, seed, blend, other):
     """The sum is quadratic: equal on both sides of the minimum, in every direction."""
-    layout = random_layout(lengths, seed, seam="gradient", seam_blend=blend)
-    (_, closed), (_, solved) = without_gradient(layout).close(), layout.close()
+    timeline, tracks = random_donors(lengths, seed, seam="gradient", seam_blend=blend)
+    places = tracks[TRANSLATIONS]
+    closed, solved = solutions(timeline, TRANSLATIONS, places)
     changed = (solved != closed).any(axis=2, keepdims=True).any(axis=1, keepdims=True)
     way = np.where(changed, np.random.default_rng(other).normal(size=solved.shape), 0.0)
     before, after = (
-        objective(layout, TRANSLATIONS, layout.positions, solved + sign * way) for sign in (-1, 1)
+        objective(timeline, TRANSLATIONS, places[0], solved + sign * way) for sign in (-1, 1)
     )
     assert after == pytest.approx(before, rel=1e-10)
 
@@ -95,10 +96,10 @@ def test_gradient_translations_minimise_the_objective(lengths, seed, blend, othe
 @few_examples(15)
 @given(SEGMENT_LENGTHS, SEEDS, st.floats(0.1, 1.0))
 def test_gradient_small_rotations_are_solved_as_translations(lengths, seed, blend):
-    layout = random_layout(lengths, seed, seam="gradient", seam_blend=blend)
-    vectors = 1e-6 * layout.positions[0]
-    small = replace(layout, rotations=[rotations.exp(vectors)], positions=[vectors])
-    quats, positions = small.close()
+    timeline, tracks = random_donors(lengths, seed, seam="gradient", seam_blend=blend)
+    vectors = 1e-6 * tracks[TRANSLATIONS][0]
+    quats = timeline.close(ROTATIONS, [rotations.exp(vectors)])
+    positions = timeline.close(TRANSLATIONS, [vectors])
     np.testing.assert_allclose(rotations.log(quats), positions, atol=1e-10)
 
 
@@ -106,26 +107,27 @@ def test_gradient_small_rotations_are_solved_as_translations(lengths, seed, blen
 @given(SEGMENT_LENGTHS, SEEDS)
 def test_gradient_rotations_have_smaller_objective_than_offset(lengths, seed):
     """At gaps and speeds of ordinary motion, where one Gauss-Newton step is enough."""
-    layout = random_layout(lengths, seed, speed=0.05, seam="gradient")
-    seams = np.flatnonzero(layout.seams)
-    gaps = layout.timeline.boundaries(ROTATIONS, layout.rotations, seams).gaps()
+    timeline, tracks = random_donors(lengths, seed, speed=0.05, seam="gradient")
+    own = ROTATIONS, tracks[ROTATIONS]
+    gaps = timeline.boundaries(*own).gaps()
     assume(np.linalg.norm(gaps, axis=-1).max(initial=0.0) < np.radians(45.0))
-    (closed, _), (solved, _) = without_gradient(layout).close(), layout.close()
+    closed, solved = solutions(timeline, *own)
     np.testing.assert_allclose(np.linalg.norm(solved, axis=-1), 1.0, atol=1e-12)
-    before = objective(layout, ROTATIONS, layout.rotations, closed)
-    after = objective(layout, ROTATIONS, layout.rotations, solved)
+    track = tracks[ROTATIONS][0]
+    before, after = (objective(timeline, ROTATIONS, track, q) for q in (closed, solved))
     assert after <= before * (1.0 + 1e-9) + 1e-12
 
 
 @few_examples(20)
 @given(SEGMENT_LENGTHS, SEEDS, st.floats(0.0, 0.5))
 def test_gradient_changes_only_moving_joints_near_seams(lengths, seed, blend):
-    layout = random_layout(lengths, seed, seam="gradient", seam_blend=max(blend, 1e-3))
-    (closed, _), (solved, _) = without_gradient(layout).close(), layout.close()
-    seams = layout.timeline.cut.stop[:-1][layout.seams]
+    blend = max(blend, 1e-3)
+    timeline, tracks = random_donors(lengths, seed, seam="gradient", seam_blend=blend)
+    closed, solved = solutions(timeline, ROTATIONS, tracks[ROTATIONS])
+    seams = timeline.cut.stop[:-1][timeline.seams]
     far = np.ones(len(closed), bool)
     for seam in seams:
-        far &= np.abs(np.arange(len(closed)) - seam) > layout.config.seam_blend * RATE
+        far &= np.abs(np.arange(len(closed)) - seam) > blend * RATE
     far[[0, -1]] = True
     np.testing.assert_array_equal(solved[far], closed[far])
     np.testing.assert_array_equal(solved[:, 2], closed[:, 2])
@@ -136,11 +138,11 @@ def test_gradient_changes_only_moving_joints_near_seams(lengths, seed, blend):
 def test_seam_accelerations_are_second_differences_over_a_thirtieth_of_a_second(
     lengths, seed, rate
 ):
-    layout = random_layout(lengths, seed)
-    timeline, seams = replace(layout.timeline, rate=rate), np.flatnonzero(layout.seams)
-    step, track = max(1, round(rate / 30.0)), layout.positions[0]
-    found = timeline.boundaries(TRANSLATIONS, layout.positions, seams).accelerations
-    for index, seam in enumerate(seams):
+    timeline, tracks = random_donors(lengths, seed)
+    timeline, track = replace(timeline, rate=rate), tracks[TRANSLATIONS][0]
+    step = max(1, round(rate / 30.0))
+    found = timeline.boundaries(TRANSLATIONS, [track]).accelerations
+    for index, seam in enumerate(np.flatnonzero(timeline.seams)):
         for side, segment, end in ((0, seam, "stop"), (1, seam + 1, "start")):
             frame = int(getattr(timeline.donors, end)[segment])
             if not step <= frame < len(track) - step:

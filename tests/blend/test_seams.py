@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mograft import Config
 from mograft.blend.donor_timeline import DonorTimeline
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import ROTATIONS, TRANSLATIONS, PieceTimes, SeamBoundaries
 from mograft.motion import rotations
-from tests.blend.continuity import close_at, jumps, random_layout
+from tests.blend.continuity import close_at, jumps, random_donors
 from tests.strategies import SEEDS, SEGMENT_LENGTHS, few_examples, smooth_rotations, tile_segments
 
 NAMES = tuple(SEAM_TREATMENTS)
@@ -22,7 +23,8 @@ SMOOTH = [name for name in NAMES if name not in ("displacement", "paper")]
 @few_examples(40)
 @given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES), st.floats(0.05, 1.0))
 def test_close_any_treatment_makes_values_continuous(space, lengths, seed, seam, blend):
-    value, velocity = jumps(random_layout(lengths, seed, seam=seam, seam_blend=blend), space)
+    timeline, tracks = random_donors(lengths, seed, seam=seam, seam_blend=blend)
+    value, velocity = jumps(timeline, space, tracks[space])
     assert value < 1e-9
     if seam in SMOOTH:
         assert velocity < 1e-5
@@ -31,22 +33,21 @@ def test_close_any_treatment_makes_values_continuous(space, lengths, seed, seam,
 @settings(deadline=None)
 @given(SEGMENT_LENGTHS, SEEDS, st.sampled_from(NAMES))
 def test_close_frames_out_of_reach_are_unchanged(lengths, seed, seam):
-    layout, treatment = random_layout(lengths, seed, seam=seam), SEAM_TREATMENTS[seam]
-    timeline = layout.timeline
-    times = timeline.frame_times()
-    source = timeline.sample(ROTATIONS, layout.rotations, times)
-    values = close_at(layout, ROTATIONS, times)
+    (timeline, tracks), treatment = random_donors(lengths, seed, seam=seam), SEAM_TREATMENTS[seam]
+    times, blend = timeline.frame_times(), timeline.config.seam_blend
+    source = timeline.sample(ROTATIONS, tracks[ROTATIONS], times)
+    values = close_at(timeline, ROTATIONS, tracks[ROTATIONS], times)
     np.testing.assert_allclose(np.linalg.norm(values, axis=-1), 1.0, atol=1e-12)
-    every = np.concatenate([[False], layout.seams, [False]])
+    every = np.concatenate([[False], timeline.seams, [False]])
     if treatment.spans_segments:
         # Segments without a seam at either end.
         unchanged = ~(every[:-1] | every[1:])[times.segment]
     else:
-        pieces = timeline.piece_times(np.flatnonzero(layout.seams), times, layout.config.seam_blend)
-        unchanged = (pieces.seconds >= layout.config.seam_blend) | (pieces.piece == 0)
+        pieces = timeline.piece_times(times)
+        unchanged = (pieces.seconds >= blend) | (pieces.piece == 0)
         if not treatment.is_causal:
             last = len(pieces.durations) - 1
-            unchanged &= (pieces.seconds_left >= layout.config.seam_blend) | (pieces.piece == last)
+            unchanged &= (pieces.seconds_left >= blend) | (pieces.piece == last)
     np.testing.assert_array_equal(values[unchanged], source[unchanged])
 
 
@@ -85,7 +86,7 @@ def test_find_seams_are_where_poses_do_not_continue(lengths, seed):
     joint, is_off = int(rng.integers(3)), rng.random(n) < 0.15
     other[is_off, joint] = rotations.multiply(other[is_off, joint], rotations.exp([0.01, 0.0, 0.0]))
     clip = rng.integers(0, 2, len(cut))
-    timeline = DonorTimeline(cut, replace(cut, clip=clip), 30.0)
+    timeline = DonorTimeline(cut, replace(cut, clip=clip), 30.0, Config())
     expected = []
     for before, after, frame in zip(clip[:-1], clip[1:], cut.start[1:], strict=True):
         near = is_off[max(frame - 1, 0) : frame + 2]  # a clip's first frame has one neighbour

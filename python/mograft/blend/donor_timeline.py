@@ -1,7 +1,7 @@
 """Donor segments stretched to replace base segments: their values at any time, and their seams."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -9,14 +9,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.blend.rigid_alignment import AlignmentTransform
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seams import (
-    ROTATIONS,
-    TRANSLATIONS,
-    ClosedFrames,
-    PieceTimes,
-    SeamBoundaries,
-    ValueSpace,
-)
+from mograft.blend.seams import ROTATIONS, ClosedFrames, PieceTimes, SeamBoundaries, ValueSpace
 from mograft.config import FRAME, Config
 from mograft.motion import rotations
 from mograft.motion.resample import clip_states, sample_clips
@@ -38,6 +31,9 @@ class DonorTimeline:
     cut: Segments  # the base segments, in order of time
     donors: Segments  # the donor of each base segment
     rate: float  # frames per second
+    config: Config  # gives `seam`, `seam_window` and `seam_blend`
+    # Whether a segment ends with a seam, (n_segments - 1,); see `find_seams`.
+    seams: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
     alignment: AlignmentTransform | None = None  # of each donor of a root; None: as captured
 
     def frame_times(self) -> SegmentTimes:
@@ -71,14 +67,15 @@ class DonorTimeline:
             _align(self.alignment[segment], space, values)
         return values
 
-    def boundaries(
-        self, space: ValueSpace, tracks: Sequence[FloatArray], seams: IntArray
-    ) -> SeamBoundaries:
-        """Return the donors' values and velocities on both sides of seams.
+    @property
+    def _closed_seams(self) -> IntArray:
+        """Indices of the segments whose end the treatment closes as a seam."""
+        spans_segments = SEAM_TREATMENTS[self.config.seam].spans_segments
+        return np.arange(len(self.seams)) if spans_segments else np.flatnonzero(self.seams)
 
-        `seams` are the indices of the segments that end with a seam.
-        """
-        sides = []
+    def boundaries(self, space: ValueSpace, tracks: Sequence[FloatArray]) -> SeamBoundaries:
+        """Return the donors' values and velocities on both sides of the seams that are closed."""
+        sides, seams = [], self._closed_seams
         for segments, frames in ((seams, self.donors.stop), (seams + 1, self.donors.start)):
             donors = self.donors[segments]
             values, velocities, accelerations = clip_states(tracks, donors.clip, frames[segments])
@@ -111,18 +108,39 @@ class DonorTimeline:
                 own = clip_states(tracks, clips, at.clip(0, last[clips]))[2]
                 accelerations += own * ((step - distance) / step**2)
 
-    def piece_times(self, seams: IntArray, times: SegmentTimes, blend: float) -> PieceTimes:
+    def piece_times(self, times: SegmentTimes) -> PieceTimes:
         """Convert times since the start of a segment to times since the start of a piece.
 
-        A piece is the motion between two successive seams. `seams` are the indices of the segments
-        that end with a seam; `blend` is `Config.seam_blend` in seconds.
+        A piece is the motion between two successive seams that are closed.
         """
+        seams = self._closed_seams
         first = np.concatenate([[0], seams + 1])
         last = np.append(seams, len(self.cut) - 1)
         piece = np.searchsorted(seams, times.segment)
         frames = self.cut.start[times.segment] - self.cut.start[first[piece]] + times.frames
         durations = (self.cut.stop[last] - self.cut.start[first]) / self.rate
-        return PieceTimes(piece, frames / self.rate, durations, blend)
+        return PieceTimes(piece, frames / self.rate, durations, self.config.seam_blend)
+
+    def close(self, space: ValueSpace, tracks: Sequence[FloatArray]) -> FloatArray:
+        """Return the values of all frames with closed gaps, after `SeamTreatment.smooth`."""
+        config, treatment, kept = self.config, SEAM_TREATMENTS[self.config.seam], self.kept_rows
+        if not tracks[0].shape[1]:
+            return np.empty((len(kept), *tracks[0].shape[1:]))
+        times = self.frame_times()
+        rows, boundaries = self.sample(space, tracks, times), self.boundaries(space, tracks)
+        frames = SegmentTimes(times.segment[kept], times.frames[kept])
+        closed = ClosedFrames(
+            space=space,
+            values=treatment.close(rows[kept], self.piece_times(frames), boundaries),
+            cut=self.cut,
+            seams=np.flatnonzero(self.seams),
+            window=round(min(config.seam_window * self.rate, self.cut.stop[-1])),
+            blend=config.seam_blend * self.rate,
+            rate=self.rate,
+            donor_rows=rows,
+            seam_accelerations=boundaries.accelerations,
+        )
+        return treatment.smooth(closed)
 
     def find_seams(self, tracks: Sequence[FloatArray], joints: IntArray | None = None) -> BoolArray:
         """Return whether there is a seam after each segment but the last, shape (n_segments - 1,).
@@ -151,60 +169,6 @@ class DonorTimeline:
             seams[others[differs]] = True
             others = others[~differs]
         return seams
-
-
-@dataclass(frozen=True, eq=False)
-class DonorLayout:
-    """A joint group's motion in the donors' clips, the donor of each segment, and the seams."""
-
-    timeline: DonorTimeline
-    rotations: Sequence[FloatArray]  # of each clip, (n_frames, n_joints, 4)
-    positions: Sequence[FloatArray]  # of the joints that translate, (n_frames, n_moving, 3)
-    seams: BoolArray  # (n_segments - 1,): whether a segment ends with a seam
-    config: Config  # gives `seam`, `seam_window` and `seam_blend`
-
-    def close(self) -> tuple[FloatArray, FloatArray]:
-        """Return rotations and translations of all frames with closed gaps, after `smooth`."""
-        return self._close(ROTATIONS), self._close(TRANSLATIONS)
-
-    def tracks(self, space: ValueSpace) -> Sequence[FloatArray]:
-        """Return the tracks of rotations or of translations."""
-        return self.rotations if space is ROTATIONS else self.positions
-
-    def boundaries(self, space: ValueSpace) -> SeamBoundaries:
-        """Return the boundaries at all seams that the treatment closes."""
-        return self.timeline.boundaries(space, self.tracks(space), self._closed_seams)
-
-    def piece_times(self, times: SegmentTimes) -> PieceTimes:
-        """Convert times to those of the pieces between seams; see `DonorTimeline.piece_times`."""
-        return self.timeline.piece_times(self._closed_seams, times, self.config.seam_blend)
-
-    @property
-    def _closed_seams(self) -> IntArray:
-        """Indices of the segments whose end the treatment closes as a seam."""
-        spans_segments = SEAM_TREATMENTS[self.config.seam].spans_segments
-        return np.arange(len(self.seams)) if spans_segments else np.flatnonzero(self.seams)
-
-    def _close(self, space: ValueSpace) -> FloatArray:
-        timeline, config, treatment = self.timeline, self.config, SEAM_TREATMENTS[self.config.seam]
-        kept = timeline.kept_rows
-        if not self.tracks(space)[0].shape[1]:
-            return np.empty((len(kept), *self.tracks(space)[0].shape[1:]))
-        times = timeline.frame_times()
-        rows, boundaries = timeline.sample(space, self.tracks(space), times), self.boundaries(space)
-        frames = SegmentTimes(times.segment[kept], times.frames[kept])
-        closed = ClosedFrames(
-            space=space,
-            values=treatment.close(rows[kept], self.piece_times(frames), boundaries),
-            cut=timeline.cut,
-            seams=np.flatnonzero(self.seams),
-            window=round(min(config.seam_window * timeline.rate, timeline.cut.stop[-1])),
-            blend=config.seam_blend * timeline.rate,
-            rate=timeline.rate,
-            donor_rows=rows,
-            seam_accelerations=boundaries.accelerations,
-        )
-        return treatment.smooth(closed)
 
 
 def _align(

@@ -5,16 +5,16 @@ to the root's position and heading at the seam, and decaying an offset would cau
 The velocities over the floor are blended at seams, and the path is their integral.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
-from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
+from mograft.blend.donor_timeline import DonorTimeline
 from mograft.blend.rigid_alignment import AlignmentTransform, RootTransforms
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
-from mograft.blend.seams import ROTATIONS, TRANSLATIONS
+from mograft.blend.seams import ROTATIONS, TRANSLATIONS, ValueSpace
 from mograft.config import Config
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
@@ -23,33 +23,29 @@ from mograft.motion.segments import Segments
 
 
 def graft_root(
-    base: Motion,
-    clips: Sequence[Motion],
-    timeline: DonorTimeline,
-    seams: BoolArray,
-    config: Config,
-    joint: int,
-    up: int,
+    base: Motion, clips: Sequence[Motion], timeline: DonorTimeline, joint: int, up: int
 ) -> tuple[BoolArray, RootTransforms]:
     """Replace the motion of a root `joint` by that of donors, aligned and with closed seams.
 
-    Returns the seams, `seams` and those of the path, and the local rotations and translations in
-    all frames. `up` is the axis that points up.
+    Returns the seams, those of `timeline` and those of the path, and the local rotations and
+    translations in all frames. `up` is the axis that points up.
     """
-    tracks = [clip.world_track(joint) for clip in clips]
-    quats, places = ([own[:, None] for own in kind] for kind in zip(*tracks, strict=True))
-    seams = seams | timeline.find_seams(places)
-    alignment = _align_donors(base, timeline.donors, (quats, places), seams, joint, up)
-    layout = DonorLayout(replace(timeline, alignment=alignment), quats, places, seams, config)
-    closed = RootTransforms(*(values[:, 0] for values in layout.close()))
-    return seams, _to_local(base, joint, _integrate(layout, closed, up))
+    pairs = [clip.world_track(joint) for clip in clips]
+    quats, places = ([own[:, None] for own in kind] for kind in zip(*pairs, strict=True))
+    tracks = {ROTATIONS: quats, TRANSLATIONS: places}
+    timeline = replace(timeline, seams=timeline.seams | timeline.find_seams(places))
+    timeline = replace(timeline, alignment=_align_donors(base, timeline, tracks, joint, up))
+    times = timeline.frame_times()
+    source = RootTransforms(*(timeline.sample(*own, times)[:, 0] for own in tracks.items()))
+    closed = RootTransforms(*(timeline.close(*own)[:, 0] for own in tracks.items()))
+    root = _integrate(timeline, source, closed, up)
+    return timeline.seams, _to_local(base, joint, root)
 
 
 def _align_donors(
     base: Motion,
-    donors: Segments,
-    tracks: tuple[list[FloatArray], list[FloatArray]],
-    seams: BoolArray,
+    timeline: DonorTimeline,
+    tracks: Mapping[ValueSpace, Sequence[FloatArray]],
     joint: int,
     up: int,
 ) -> AlignmentTransform:
@@ -60,35 +56,35 @@ def _align_donors(
     donor starts at those of the base. `tracks` are the rotations and positions of the root in each
     clip, in the world.
     """
+    donors = timeline.donors
     first, last = (
-        RootTransforms(*(clip_states(own, donors.clip, frames)[0][:, 0] for own in tracks))
+        RootTransforms(*(clip_states(own, donors.clip, frames)[0][:, 0] for own in tracks.values()))
         for frames in (donors.start, donors.stop)
     )
     target = RootTransforms.from_motion(base[:1], joint)
     moves = AlignmentTransform(np.empty((len(donors), 4)), np.empty((len(donors), 3)))
     for index in range(len(donors)):
         row = np.array([index])
-        if not index or seams[index - 1]:
+        if not index or timeline.seams[index - 1]:
             move = AlignmentTransform.from_roots(first[row], target, up)
         moves.yaws[row], moves.translations[row] = move.yaws, move.translations
         target = move.apply(last[row])
     return moves
 
 
-def _integrate(layout: DonorLayout, closed: RootTransforms, up: int) -> RootTransforms:
-    """Blend root velocities at seams and return the integrated path; see `integrate_root`."""
-    timeline = layout.timeline
-    times = timeline.frame_times()
-    source = RootTransforms(
-        timeline.sample(ROTATIONS, layout.rotations, times)[:, 0],
-        timeline.sample(TRANSLATIONS, layout.positions, times)[:, 0],
-    )
-    inside = np.diff(times.segment) == 0
+def _integrate(
+    timeline: DonorTimeline, source: RootTransforms, closed: RootTransforms, up: int
+) -> RootTransforms:
+    """Blend root velocities at seams and return the integrated path; see `integrate_root`.
+
+    `source` is the aligned root at the times of `frame_times`, before seams are closed.
+    """
+    inside = np.diff(timeline.frame_times().segment) == 0
     steps = np.diff(source.positions, axis=0)
     steps = np.where(np.arange(3) == up, 0.0, steps)[inside]
     captured = np.concatenate([steps, yaw_rates(source.rotations, up)[inside, None]], axis=1)
     velocities = blend_root_velocity(
-        captured, timeline.cut, layout.seams, layout.config, timeline.rate
+        captured, timeline.cut, timeline.seams, timeline.config, timeline.rate
     )
     return integrate_root(velocities, captured, source[timeline.kept_rows], closed, up)
 

@@ -7,10 +7,11 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.channel_groups import ChannelKey, merge_axes, split_axes
-from mograft.blend.donor_timeline import DonorLayout, DonorTimeline
+from mograft.blend.donor_timeline import DonorTimeline
 from mograft.blend.recombine import Part
 from mograft.blend.root_motion import graft_root
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
+from mograft.blend.seams import ROTATIONS, TRANSLATIONS
 from mograft.blend.trunk_lean import TrunkLean
 from mograft.body.size import resize
 from mograft.config import Config
@@ -71,7 +72,7 @@ def transplant(
     used, clip = np.unique(donors.clip, return_inverse=True)
     donors, clips = replace(donors, clip=clip), [clips[index] for index in used]
     joints = group.whole_joints
-    timeline = DonorTimeline(cut, donors, base.rate)
+    timeline = DonorTimeline(cut, donors, base.rate, config)
     lean = lean or TrunkLean.from_config(base, joints, group.up, config)
     moving: BoolArray = np.any([clip.is_translated[joints] for clip in clips], axis=0)
     is_root = joints == group.root
@@ -79,35 +80,34 @@ def transplant(
     channels = [split_axes(clip, group.held) for clip in clips] if group.held else []
     if channels:
         seams |= timeline.find_seams(channels)
+    timeline = replace(timeline, seams=seams)
     has_places = bool((moving | is_root).any())
     positions = base.positions.take(joints, axis=1) if has_places else None
     resized = [resize(clip, base.skeleton) for clip in clips] if has_places else clips
     if is_root.any():
         root = int(joints[is_root][0])
-        seams, grafted = graft_root(base, resized, timeline, seams, config, root, group.up)
-        moving &= ~is_root
+        seams, grafted = graft_root(base, resized, timeline, root, group.up)
+        timeline, moving = replace(timeline, seams=seams), moving & ~is_root
     quats = np.empty((base.n_frames, len(joints), 4))
     blocks = _joint_blocks(cut, len(joints), max(clip.n_frames for clip in clips))
     for block in blocks:
         own, is_moving = joints[block], moving[block]
         tracks = [lean.upright_tracks(clip, block) for clip in clips]
         places = [clip.positions.take(own[is_moving], axis=1) for clip in resized]
-        turned, moved = DonorLayout(timeline, tracks, places, seams, config).close()
+        turned = timeline.close(ROTATIONS, tracks)
         if len(blocks) == 1:
             quats = turned
         else:
             quats[:, block] = turned
         if positions is not None:
-            positions[:, block][:, is_moving] = moved
+            positions[:, block][:, is_moving] = timeline.close(TRANSLATIONS, places)
     if positions is not None and is_root.any():
         column = int(is_root.argmax())
         quats[:, column], positions[:, column] = grafted.rotations, grafted.positions
     lean.restore(base, quats)
     angles = {}
     if channels:
-        still = [clip.positions[:, :0] for clip in clips]
-        closed, _ = DonorLayout(timeline, channels, still, seams, config).close()
-        angles = _channel_angles(base, group.held, closed)
+        angles = _channel_angles(base, group.held, timeline.close(ROTATIONS, channels))
     return Part(joints, quats, positions, cut.stop[:-1][seams], angles)
 
 
