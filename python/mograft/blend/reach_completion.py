@@ -290,23 +290,20 @@ def fade_corrections(
     frames they fall to 0 within `n_blend` frames, as cubic curves of continuous slope. Such a curve
     also fills the frames between them.
     """
-    filled = np.zeros((n_frames, corrections.shape[1]))
-    filled[frames] = corrections
-    n, zero = len(frames), np.zeros(corrections.shape[1])
+    frames = np.concatenate([[frames[0] - n_blend], frames, [frames[-1] + n_blend]])
+    values = np.pad(corrections, ((1, 1), (0, 0)))
+    # A curve continues the slope of the frames before it and of those after it, if they are known.
     steps = np.diff(frames)
-    slopes = np.zeros((n, 2, corrections.shape[1]))  # before and after each frame
-    is_next = steps == 1
-    differences = np.diff(corrections, axis=0)[is_next]
-    slopes[1:, 1][is_next] = slopes[:-1, 0][is_next] = differences
+    slopes = np.where((steps == 1)[:, None], np.diff(values, axis=0), 0.0)
+    slopes[[0, -1]] = 0.0
+    slopes = np.pad(slopes, ((1, 1), (0, 0)))
+    filled = np.zeros((n_frames, values.shape[1]))
+    filled[frames[1:-1]] = corrections
     for left in np.flatnonzero(steps > 1).tolist():
-        ends = corrections[left], slopes[left, 1], corrections[left + 1], slopes[left + 1, 0]
-        filled[frames[left] + 1 : frames[left + 1]] = _cubic(*ends, int(steps[left]))
-    first, last = int(frames[0]), int(frames[-1])
-    before = _cubic(zero, zero, corrections[0], slopes[0, 0], n_blend)
-    after = _cubic(corrections[-1], slopes[-1, 1], zero, zero, n_blend)
-    n_before, n_after = min(first, n_blend - 1), min(n_frames - 1 - last, n_blend - 1)
-    filled[first - n_before : first] = before[n_blend - 1 - n_before :]
-    filled[last + 1 : last + 1 + n_after] = after[:n_after]
+        ends = values[left], slopes[left], values[left + 1], slopes[left + 2]
+        between = np.arange(frames[left] + 1, frames[left + 1])
+        is_inside = (between >= 0) & (between < n_frames)
+        filled[between[is_inside]] = _cubic(*ends, int(steps[left]))[is_inside]
     return filled
 
 
