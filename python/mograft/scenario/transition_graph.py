@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -137,11 +138,11 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
     np.float64(0.0)
     """
     segments = _donor_segments(library, clips)
-    starts, ends = segment_ends(library, segments)
-    has_successor = np.diff(segments) == 1
-    has_successor &= np.diff(library.segments.clip[segments]) == 0
-    sources, targets, costs = _candidate_edges(starts, ends, has_successor)
-    limit = min(_cheap_cost(starts, ends, has_successor), _MAX_LIMIT)
+    has_successor = np.diff(segments, append=-1) == 1
+    has_successor &= np.diff(library.segments.clip[segments], append=-1) == 0
+    pairs = _Pairs(*segment_ends(library, segments), has_successor)
+    sources, targets, costs = pairs.candidate_edges()
+    limit = min(pairs.cheap_cost(), _MAX_LIMIT)
     while True:
         is_within = costs <= limit
         nodes = largest_strong_component(len(segments), sources[is_within], targets[is_within])
@@ -160,17 +161,15 @@ def transitions(library: Library, clips: Sequence[str] | str | None = None) -> T
     seconds = library.segments.lengths[segments] / library.rate
     is_edge |= _exits(sources, np.where(is_inside, costs, np.inf), is_edge, seconds)
     sources, targets, costs = sources[is_edge], targets[is_edge], costs[is_edge]
-    yaw_changes, seam_displacements = _root_changes(
-        ends, starts, sources, targets, has_successor, library.up
-    )
-    is_level = np.arange(3) != library.up
+    yaw_changes, seam_displacements = pairs.root_changes(sources, targets, library.up)
+    is_level, ends = np.arange(3) != library.up, pairs.ends
     return Transitions(
         segments=segments[nodes],
         first_edge=np.searchsorted(node_of[sources], np.arange(len(nodes) + 1)),
         targets=node_of[targets],
         costs=costs,
         limit=limit,
-        displacements=(is_level * (ends.root_positions - starts.root_positions))[nodes],
+        displacements=(is_level * (ends.root_positions - pairs.starts.root_positions))[nodes],
         yaw_changes=yaw_changes,
         seam_displacements=seam_displacements,
         is_at_rest=ends.is_at_rest[nodes],
@@ -194,26 +193,103 @@ def _donor_segments(library: Library, clips: Sequence[str] | str | None) -> IntA
     return segments
 
 
-def _candidate_edges(
-    starts: SegmentEnds, ends: SegmentEnds, has_successor: BoolArray
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return source, target and cost of all transitions to consider, sorted by source, then target.
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """Pairs of segments: the end of a source, an index into `ends`, and the start of a target."""
 
-    From each segment, they lead to the nearest segments, and at cost 0 to its successor in the
-    clip. Raise ValueError if there are only successors.
-    """
-    sources, targets = _nearest_pairs(starts, ends, has_successor)
-    if not len(sources):
-        raise ValueError(
-            "segments must have equal foot contacts at their ends, got none: add clips"
+    starts: SegmentEnds
+    ends: SegmentEnds
+    has_successor: BoolArray  # whether the next segment continues this one in the clip
+
+    def is_successor(self, sources: IntArray, targets: IntArray) -> BoolArray:
+        """Return whether each target is the successor of its source in the clip."""
+        return (targets == sources + 1) & self.has_successor[sources]
+
+    def is_allowed(self, sources: IntArray, targets: IntArray) -> BoolArray:
+        """Return whether source and target are neither equal nor neighbours in a clip."""
+        are_neighbors = self.is_successor(sources, targets) | self.is_successor(targets, sources)
+        return ~are_neighbors & (sources != targets)
+
+    @cached_property
+    def steady(self) -> tuple[BoolArray, BoolArray]:
+        """Whether each start, and each end, is among the 95 % with least root acceleration."""
+        accelerations = self.starts.root_accelerations, self.ends.root_accelerations
+        limit = np.quantile(np.concatenate(accelerations), _STEADY_SHARE)
+        return accelerations[0] <= limit, accelerations[1] <= limit
+
+    def candidate_edges(self) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return source, target and cost of the transitions to consider, sorted as `Transitions`.
+
+        From each segment, they lead to the nearest segments, and at cost 0 to its successor in the
+        clip. Raise ValueError if there are only successors.
+        """
+        sources, targets = self.nearest()
+        if not len(sources):
+            raise ValueError(
+                "segments must have equal foot contacts at their ends, got none: add clips"
+            )
+        costs = transition_costs(self.ends, self.starts, sources, targets)
+        successor_of = np.flatnonzero(self.has_successor)
+        sources = np.concatenate([sources, successor_of])
+        targets = np.concatenate([targets, successor_of + 1])
+        costs = np.concatenate([costs, np.zeros(len(successor_of))])
+        order = np.lexsort((targets, sources))
+        return sources[order], targets[order], costs[order]
+
+    def nearest(self) -> tuple[IntArray, IntArray]:
+        """Return pairs of each segment and the nearest allowed ones with equal foot contacts."""
+        starts, ends, (steady_starts, steady_ends) = self.starts, self.ends, self.steady
+        end_points, start_points = (
+            own.feature_points().astype(np.float32) for own in (ends, starts)
         )
-    costs = transition_costs(ends, starts, sources, targets)
-    successor_of = np.flatnonzero(has_successor)
-    sources = np.concatenate([sources, successor_of])
-    targets = np.concatenate([targets, successor_of + 1])
-    costs = np.concatenate([costs, np.zeros(len(successor_of))])
-    order = np.lexsort((targets, sources))
-    return sources[order], targets[order], costs[order]
+        patterns = np.unique(np.concatenate([starts.contacts, ends.contacts]), axis=0)
+        sources, targets = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        for pattern in patterns:
+            leaving = np.flatnonzero((ends.contacts == pattern).all(axis=1) & steady_ends)
+            entering = np.flatnonzero((starts.contacts == pattern).all(axis=1) & steady_starts)
+            if not len(entering):
+                continue
+            squares = (start_points[entering] ** 2).sum(axis=1)
+            size = max(_MAX_CHUNK // len(entering), 1)
+            for rows in np.split(leaving, range(size, len(leaving), size)):
+                distances = squares - 2.0 * (end_points[rows] @ start_points[entering].T)
+                distances[~self.is_allowed(rows[:, None], entering[None, :])] = np.inf
+                count = min(_MAX_SUCCESSORS, len(entering))
+                columns = np.argpartition(distances, count - 1, axis=1)[:, :count]
+                row, index = np.nonzero(np.isfinite(np.take_along_axis(distances, columns, axis=1)))
+                sources.append(rows[row])
+                targets.append(entering[columns[row, index]])
+        return np.concatenate(sources), np.concatenate(targets)
+
+    def cheap_cost(self) -> float:
+        """Return the cost that the cheapest tenth of all allowed pairs does not exceed."""
+        n, (steady_starts, steady_ends) = len(self.starts.poses), self.steady
+        if n * n <= _MAX_SAMPLED_PAIRS:
+            i, j = (indices.ravel() for indices in np.indices((n, n)))
+        else:
+            i, j = np.random.default_rng(0).integers(n, size=(2, _MAX_SAMPLED_PAIRS))
+        allowed = self.is_allowed(i, j) & steady_ends[i] & steady_starts[j]
+        allowed &= (self.ends.contacts[i] == self.starts.contacts[j]).all(axis=1)
+        costs = transition_costs(self.ends, self.starts, i[allowed], j[allowed])
+        return float(np.quantile(costs, _CHEAPEST_SHARE)) if len(costs) else 0.0
+
+    def root_changes(
+        self, sources: IntArray, targets: IntArray, up: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return `yaw_changes` and `seam_displacements` of the edges; see `Transitions`."""
+        starts, ends = self.starts, self.ends
+        difference = rotations.multiply(
+            ends.root_rotations[sources], rotations.inverse(starts.root_rotations[targets])
+        )
+        heading = rotations.twist(difference, up)
+        next_steps, next_faded = (
+            np.hstack([rotations.rotate(heading, steps[targets, :3]), steps[targets, 3:]])
+            for steps in (starts.steps, starts.faded_steps)
+        )
+        added = ends.weight_sums[sources, None] * next_steps - ends.faded_steps[sources]
+        added += starts.weight_sums[targets, None] * ends.steps[sources] - next_faded
+        added[self.is_successor(sources, targets)] = 0.0
+        return rotations.log(heading)[:, up] + added[:, 3], added[:, :3]
 
 
 def _exits(
@@ -237,89 +313,6 @@ def _exits(
     is_exit = np.zeros(len(sources), bool)
     is_exit[further[cheapest]] = True
     return is_exit
-
-
-def _root_changes(
-    ends: SegmentEnds,
-    starts: SegmentEnds,
-    sources: IntArray,
-    targets: IntArray,
-    has_successor: BoolArray,
-    up: int,
-) -> tuple[FloatArray, FloatArray]:
-    """Return `yaw_changes` and `seam_displacements` of the edges; see `Transitions`."""
-    difference = rotations.multiply(
-        ends.root_rotations[sources], rotations.inverse(starts.root_rotations[targets])
-    )
-    heading = rotations.twist(difference, up)
-    next_steps, next_faded = (
-        np.concatenate([rotations.rotate(heading, steps[targets, :3]), steps[targets, 3:]], axis=1)
-        for steps in (starts.steps, starts.faded_steps)
-    )
-    added = ends.weight_sums[sources, None] * next_steps - ends.faded_steps[sources]
-    added += starts.weight_sums[targets, None] * ends.steps[sources] - next_faded
-    added[_is_successor(has_successor, sources, targets)] = 0.0
-    return rotations.log(heading)[:, up] + added[:, 3], added[:, :3]
-
-
-def _is_successor(has_successor: BoolArray, sources: IntArray, targets: IntArray) -> BoolArray:
-    """Return whether each target is the successor of its source in the clip."""
-    return (targets == sources + 1) & np.append(has_successor, False)[sources]
-
-
-def _is_allowed(has_successor: BoolArray, sources: IntArray, targets: IntArray) -> BoolArray:
-    """Return whether source and target are neither equal nor neighbours in a clip."""
-    are_neighbors = _is_successor(has_successor, sources, targets)
-    are_neighbors |= _is_successor(has_successor, targets, sources)
-    return ~are_neighbors & (sources != targets)
-
-
-def _steady(starts: SegmentEnds, ends: SegmentEnds) -> tuple[BoolArray, BoolArray]:
-    """Return whether each start, and each end, is among the 95 % with least root acceleration."""
-    accelerations = [starts.root_accelerations, ends.root_accelerations]
-    limit = np.quantile(np.concatenate(accelerations), _STEADY_SHARE)
-    return accelerations[0] <= limit, accelerations[1] <= limit
-
-
-def _nearest_pairs(
-    starts: SegmentEnds, ends: SegmentEnds, has_successor: BoolArray
-) -> tuple[IntArray, IntArray]:
-    """Return pairs of each segment and the nearest allowed segments with equal foot contacts."""
-    end_points, start_points = (side.feature_points().astype(np.float32) for side in (ends, starts))
-    steady_starts, steady_ends = _steady(starts, ends)
-    patterns = np.unique(np.concatenate([starts.contacts, ends.contacts]), axis=0)
-    sources, targets = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    for pattern in patterns:
-        leaving = np.flatnonzero((ends.contacts == pattern).all(axis=1) & steady_ends)
-        entering = np.flatnonzero((starts.contacts == pattern).all(axis=1) & steady_starts)
-        if not len(entering):
-            continue
-        squares = (start_points[entering] ** 2).sum(axis=1)
-        size = max(_MAX_CHUNK // len(entering), 1)
-        for rows in np.split(leaving, range(size, len(leaving), size)):
-            distances = squares - 2.0 * (end_points[rows] @ start_points[entering].T)
-            allowed = _is_allowed(has_successor, rows[:, None], entering[None, :])
-            distances[~allowed] = np.inf
-            count = min(_MAX_SUCCESSORS, len(entering))
-            columns = np.argpartition(distances, count - 1, axis=1)[:, :count]
-            row, index = np.nonzero(np.isfinite(np.take_along_axis(distances, columns, axis=1)))
-            sources.append(rows[row])
-            targets.append(entering[columns[row, index]])
-    return np.concatenate(sources), np.concatenate(targets)
-
-
-def _cheap_cost(starts: SegmentEnds, ends: SegmentEnds, has_successor: BoolArray) -> float:
-    """Return the cost that the cheapest tenth of all allowed pairs does not exceed."""
-    n = len(starts.poses)
-    if n * n <= _MAX_SAMPLED_PAIRS:
-        i, j = (indices.ravel() for indices in np.indices((n, n)))
-    else:
-        i, j = np.random.default_rng(0).integers(n, size=(2, _MAX_SAMPLED_PAIRS))
-    steady_starts, steady_ends = _steady(starts, ends)
-    allowed = _is_allowed(has_successor, i, j) & steady_ends[i] & steady_starts[j]
-    allowed &= (ends.contacts[i] == starts.contacts[j]).all(axis=1)
-    costs = transition_costs(ends, starts, i[allowed], j[allowed])
-    return float(np.quantile(costs, _CHEAPEST_SHARE)) if len(costs) else 0.0
 
 
 def largest_strong_component(n: int, sources: IntArray, targets: IntArray) -> IntArray:
