@@ -131,10 +131,11 @@ def _cached_mass_model(key: _SkeletonKey) -> MassModel:
     has_mass = np.array([part != "other" for part in known.parts])
     has_mass[list(known.details)] = False
     limbs = [(p, s) for p, s in zip(known.parts, known.sides, strict=True) if p in ARM + LEG]
+    model, mass = "rods", _rod_masses(lengths, has_mass)
+    center, gyration = (np.full(len(lengths), own) for own in (_ROD_CENTER, _ROD_GYRATION))
     if known.human and all(side for _, side in limbs):
-        model, (mass, center, gyration) = "de Leva", _de_leva_masses(known, lengths, has_mass)
-    else:
-        model, (mass, center, gyration) = "rods", _rod_masses(lengths, has_mass)
+        model = "de Leva"
+        mass = _de_leva_masses(known, lengths, has_mass, center, gyration)
     head = next(iter(known.joints("head") or known.joints("neck")[::-1]), None)
     feet = _feet(skeleton, known)
     height, height_from = _height(skeleton, known.hips, head, feet)
@@ -237,28 +238,28 @@ def up_sign(skeleton: Skeleton, heights: FloatArray) -> float:
     return -1.0 if heights[high] < heights[low].mean() else 1.0
 
 
-def _rod_masses(
-    lengths: FloatArray, has_mass: BoolArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mass, centre of mass and radius of gyration of each bone as a uniform rod.
+def _rod_masses(lengths: FloatArray, has_mass: BoolArray) -> FloatArray:
+    """Return the mass of each bone as a uniform rod; the sum is 1.
 
-    Masses are proportional to the lengths and sum to 1; if all lengths are 0, they are equal.
-    Joints without `has_mass` have mass 0. Centres, from the joint, and radii are in bone lengths.
+    Masses are proportional to the lengths; if all lengths are 0, they are equal. Joints without
+    `has_mass` have mass 0.
     """
     weights = np.where(has_mass, lengths, 0.0)
     total = float(weights.sum())
-    mass = weights / total if total > 0 else has_mass / max(int(has_mass.sum()), 1)
-    return mass, np.full(len(lengths), _ROD_CENTER), np.full(len(lengths), _ROD_GYRATION)
+    return weights / total if total > 0 else has_mass / max(int(has_mass.sum()), 1)
 
 
 def _de_leva_masses(
-    known: Anatomy, lengths: FloatArray, has_mass: BoolArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mass, centre of mass and radius of gyration of each bone from de Leva's table.
+    known: Anatomy,
+    lengths: FloatArray,
+    has_mass: BoolArray,
+    center: FloatArray,
+    gyration: FloatArray,
+) -> FloatArray:
+    """Return the mass of each bone from de Leva's table; set centres and radii, in place.
 
-    The arrays have the form of those that `_rod_masses` returns. If a body segment has several
-    bones, its mass is divided in proportion to their lengths, and their centres and radii are those
-    of uniform rods.
+    If a body segment has several bones, its mass is divided in proportion to their lengths, and
+    their centres of mass and radii of gyration stay those of uniform rods.
     """
     members: dict[tuple[str, str], list[int]] = {}
     for joint, (part, side) in enumerate(zip(known.parts, known.sides, strict=True)):
@@ -274,15 +275,14 @@ def _de_leva_masses(
                 receiver = _FALLBACK_SEGMENT[receiver]
             segment_mass[key] += float(np.mean(mass_percent))
     mass = np.zeros(len(lengths))
-    _, center, gyration = _rod_masses(lengths, has_mass)
     for (segment, side), joints in members.items():
         is_member = np.isin(np.arange(len(lengths)), joints)
-        mass += segment_mass[segment, side] * _rod_masses(lengths, is_member)[0]
+        mass += segment_mass[segment, side] * _rod_masses(lengths, is_member)
         bones = [joint for joint in joints if lengths[joint] > 0]
         if len(bones) == 1:
             _, centers, gyrations = _DE_LEVA[segment]
             center[bones[0]], gyration[bones[0]] = np.mean([centers, gyrations], axis=1) / 100
-    return mass / mass.sum(), center, gyration
+    return mass / mass.sum()
 
 
 def _bone_vectors(skeleton: Skeleton, known: Anatomy) -> FloatArray:

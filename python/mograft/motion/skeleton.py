@@ -160,9 +160,6 @@ class Skeleton(ReadOnlyArrays):
             sites.setdefault(site.parent, []).append(site)
         for joint, own in sites.items():
             children = self.children[joint]
-            if not children and len(own) == 1:
-                ordered[joint] = tuple(own)
-                continue
             # An end site precedes the child of the same rank.
             entries: list[tuple[int, int, int | EndSite]]
             entries = [(rank, 1, child) for rank, child in enumerate(children)]
