@@ -7,28 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mograft import (
-    Config,
-    JointGroups,
-    Library,
-    Motion,
-    Skeleton,
-    SkeletonMismatchError,
-    foot_skate,
-    graft,
-    plant_feet,
-    read_bvh,
-)
+from mograft import Motion, Skeleton, SkeletonMismatchError, foot_skate, plant_feet, read_bvh
 from mograft._util.runs import dilate
 from mograft.blend.foot_planting import limit_floor_speed
 from mograft.blend.two_bone_ik import bend_limb
 from mograft.body.contacts import Ground, detect_contacts, foot_heights
 from mograft.body.mass import mass_model
 from mograft.body.support_polygon import support_polygons
-from mograft.constraints import KeepOriginal
 from mograft.dancer import dance
 from mograft.motion import rotations
-from tests.hierarchies import DANCES, distinct_recordings, recording
+from tests.hierarchies import distinct_recordings
 from tests.strategies import SEEDS, few_examples, transform_motion
 
 
@@ -333,38 +321,3 @@ def test_plant_feet_every_recorded_skeleton_fixes_feet(path):
     if report.unreached_frames == 0:
         assert steps[held].max(initial=0) < 1e-3
     assert np.isfinite(still.rotations).all()
-
-
-def upper_library(motion):
-    """A library whose grafts keep the upper body and exchange the legs."""
-    groups = JointGroups.preset("lower_upper", motion.skeleton)
-    return Library.build(motion, replace(groups, base="upper"))
-
-
-def test_graft_without_substitution_keeps_feet_bit_for_bit(sample):
-    """The library is one whose other grafts plant feet."""
-    motion = sample.motion
-    library = upper_library(motion)
-    assert graft(library, seed=1).feet is not None
-    new = graft(library, seed=1, constraints=[KeepOriginal(frames=(0, motion.n_frames - 1))])
-    assert new.feet is None
-    np.testing.assert_array_equal(new.motion.rotations, motion.rotations)
-    np.testing.assert_array_equal(new.motion.positions, motion.positions)
-    np.testing.assert_array_equal(new.motion.channel_numbers(), motion.channel_numbers())
-
-
-@pytest.mark.filterwarnings("ignore")  # of faults in the recordings
-@pytest.mark.parametrize("name", DANCES)
-def test_graft_on_upper_body_of_recordings_plants_feet(name):
-    motion = recording(name)
-    library = upper_library(motion)
-    # Self-repair chooses other donors if feet are not planted.
-    loose, tight = (
-        graft(library.relabelled(Config(feet=feet, self_repair=False)))
-        for feet in ("never", "auto")
-    )
-    assert_no_deeper(tight.motion, loose.motion, Ground.of(tight.base))
-    assert tight.feet.unreached_frames == 0
-    assert tight.feet.skate_after < tight.feet.skate_before
-    assert tight.feet.skate_after <= foot_skate(motion)
-    assert foot_skate(tight.motion) <= foot_skate(motion)

@@ -88,16 +88,3 @@ def test_integrate_root_follows_given_velocities(seed, n):
     np.testing.assert_allclose(
         ways, rotations.rotate(rotations.inverse(upright[:-1]), target[:, :3]), atol=1e-9
     )
-
-
-@given(SEEDS, st.integers(3, 40))
-def test_integrate_root_captured_velocities_keep_every_bit(seed, n):
-    rng = np.random.default_rng(seed)
-    quats = rotations.exp(rng.normal(size=(n, 3)))
-    places = rng.normal(size=(n, 3))
-    ways = np.diff(places, axis=0) * [1, 0, 1]
-    captured = np.concatenate([ways, yaw_rates(quats, 1)[:, None]], axis=1)
-    root = RootTransforms(quats, places)
-    new = integrate_root(captured, captured, root, root, 1)
-    np.testing.assert_array_equal(new.rotations, quats)
-    np.testing.assert_array_equal(new.positions, places)

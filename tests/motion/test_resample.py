@@ -81,20 +81,14 @@ def test_resample_segments_same_or_multiple_count_keeps_frames(motion, times):
 @given(SEEDS)
 def test_resample_segments_many_equal_one_by_one(seed):
     rng = np.random.default_rng(seed)
-    quats, positions = smooth_rotations(rng, 40, 3), rng.normal(size=(40, 3, 3))
     starts = rng.integers(0, 30, 7)
-    stops = starts + rng.integers(1, 10, 7)
-    counts = rng.integers(0, 15, 7)
+    bounds = starts, starts + rng.integers(1, 10, 7), rng.integers(0, 15, 7)
     for track, curve in (
-        (quats, resample.resample_segments),
-        (positions, resample.resample_segment_positions),
+        (smooth_rotations(rng, 40, 3), resample.resample_segments),
+        (rng.normal(size=(40, 3, 3)), resample.resample_segment_positions),
     ):
-        one_by_one = [
-            curve(track, [a], [b], [c]) for a, b, c in zip(starts, stops, counts, strict=True)
-        ]
-        np.testing.assert_array_equal(
-            curve(track, starts, stops, counts), np.concatenate(one_by_one)
-        )
+        one_by_one = [curve(track, [a], [b], [c]) for a, b, c in zip(*bounds, strict=True)]
+        np.testing.assert_array_equal(curve(track, *bounds), np.concatenate(one_by_one))
 
 
 @given(motions(min_frames=4), st.floats(5, 200))
@@ -107,31 +101,21 @@ def test_motion_resample_keeps_duration_and_end_frames(motion, rate):
     assert motion.resample(motion.rate) is motion
 
 
-@pytest.mark.parametrize(
-    ("times", "message"),
-    [
+def test_resample_invalid_arguments_raise_value_error():
+    identity = np.tile([0.0, 0.0, 0.0, 1.0], (5, 1, 1))
+    for times, message in (
         ([0.0], "shape"),
         ([0.0, 0.0], "strictly increase"),
         ([0.0, np.inf], r"`times` must be finite, got inf at \[1\]"),
-    ],
-)
-@BOTH
-def test_resample_invalid_frames_raise_value_error(curve, times, message):
-    identity = np.tile([0.0, 0.0, 0.0, 1.0], (2, 1, 1))
-    with pytest.raises(ValueError, match=message):
-        curve(times, identity, [0.0])
-
-
-@pytest.mark.parametrize(
-    ("bounds", "message"),
-    [
+    ):
+        for curve in (resample.slerp, resample.cubic):
+            with pytest.raises(ValueError, match=message):
+                curve(times, identity[:2], [0.0])
+    for bounds, message in (
         (([0], [5], [3]), "segment 0 must lie within the clip"),
         (([0, 2], [1, 2], [3, 3]), "segment 1 must lie within the clip and span"),
         (([-1], [1], [3]), "`starts` must not be negative, got -1"),
         (([0], [1, 2], [3]), "`stops` must have shape"),
-    ],
-)
-def test_resample_segments_outside_clip_raise_value_error(bounds, message):
-    identity = np.tile([0.0, 0.0, 0.0, 1.0], (5, 1, 1))
-    with pytest.raises(ValueError, match=message):
-        resample.resample_segments(identity, *bounds)
+    ):
+        with pytest.raises(ValueError, match=message):
+            resample.resample_segments(identity, *bounds)

@@ -113,15 +113,15 @@ def test_bend_turned_motion_gives_turned_result(walk, yaw, turn):
 
 
 def test_bend_bad_arguments_are_named(walk):
-    with pytest.raises(TypeError, match="`motion`"):
-        bend([walk])
-    with pytest.raises(TypeError, match="`avoid`"):
-        bend(walk, avoid=[Sphere((0, 0, 0), 1)])
-    with pytest.raises(ValueError, match=r"`turn` must be at most \d+ degrees on this path of"):
-        bend(walk, 50.0)
-    x, _, z = walk.world_positions()[0, walk.locomotion_root()]
-    with pytest.raises(ValueError, match="0 heights before the first contact are too few"):
-        bend(walk, avoid=[Avoid(Sphere((x, 90.0, z), 10.0))])
-    x, _, z = walk.world_positions()[150, walk.locomotion_root()]
-    with pytest.raises(ValueError, match="a shift of 2 skeleton heights to a side is not enough"):
-        bend(walk, avoid=[Avoid(Box((x, 90.0, z), (900.0, 90.0, 10.0)))])
+    first, later = (walk.world_positions()[k, walk.locomotion_root()] for k in (0, 150))
+    near = Sphere((first[0], 90.0, first[2]), 10.0)
+    wide = Box((later[0], 90.0, later[2]), (900.0, 90.0, 10.0))
+    for arguments, message in (
+        (([walk],), "`motion`"),
+        ((walk, 0.0, [near]), "`avoid`"),
+        ((walk, 50.0), r"`turn` must be at most \d+ degrees on this path of"),
+        ((walk, 0.0, [Avoid(near)]), "0 heights before the first contact are too few"),
+        ((walk, 0.0, [Avoid(wide)]), "a shift of 2 skeleton heights to a side is not enough"),
+    ):
+        with pytest.raises((TypeError, ValueError), match=message):
+            bend(*arguments)

@@ -90,19 +90,15 @@ def test_graft_one_minute_walk_root_is_no_faster_than_its_segments(name, library
             assert own.max() <= most[used].max() * (1 + 1e-9)
 
 
-def test_scenario_invalid_arguments_raise_value_error():
-    with pytest.raises(ValueError, match="`segments` must contain at least one segment, got none"):
-        Scenario([])
-    with pytest.raises(ValueError, match="values of `lengths` must be at least 1, got 0"):
-        Scenario([1, 2], [3, 0])
-
-
-def test_graft_invalid_scenario_raises_value_error(library):
-    n = len(library.segments)
-    for scenario in ([0, n], Scenario([n])):
-        with pytest.raises(ValueError, match=f"`scenario` must .* 0 to {n - 1}, got {n}"):
-            graft(library, scenario=scenario)
-    with pytest.raises(ValueError, match="`scenario` must contain at least one segment, got none"):
-        graft(library, scenario=[])
-    with pytest.raises(ValueError, match="`base` must not be given together with `scenario`"):
-        graft(library, library.clips[0], scenario=[0, 1])
+def test_scenario_invalid_arguments_raise_value_error(library):
+    n, clip = len(library.segments), library.clips[0]
+    for message, call in (
+        ("`segments` must contain at least one segment, got none", lambda: Scenario([])),
+        ("values of `lengths` must be at least 1, got 0", lambda: Scenario([1, 2], [3, 0])),
+        (f"must .* 0 to {n - 1}, got {n}", lambda: graft(library, scenario=[0, n])),
+        (f"must .* 0 to {n - 1}, got {n}", lambda: graft(library, scenario=Scenario([n]))),
+        ("must contain at least one segment, got none", lambda: graft(library, scenario=[])),
+        ("not be given together with `scenario`", lambda: graft(library, clip, scenario=[0])),
+    ):
+        with pytest.raises(ValueError, match=message):
+            call()

@@ -219,3 +219,5 @@ def test_graft_feet_report_is_none_if_feet_are_kept_or_disabled(library, motion)
     assert graft(library, seed=1).feet is None
     loose = Library.build(motion, upper_based(motion), Config(feet="never"))
     assert graft(loose, seed=1).feet is None
+    kept = mc.KeepOriginal(frames=(0, motion.n_frames - 1))
+    assert graft(Library.build(motion, upper_based(motion)), constraints=[kept]).feet is None
