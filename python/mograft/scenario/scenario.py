@@ -234,16 +234,13 @@ def _still(clip: Motion, frame: int, n_frames: int) -> Motion:
 
 def _place_root(motion: Motion, scenario: Scenario, root: int, up: int) -> Motion:
     """Rotate a motionless figure by `scenario.turn` and move its root to `scenario.place`."""
-    world_quats, world_positions = motion.world_transforms()
-    position, parent = world_positions[0, root], int(motion.skeleton.parents[root])
-    if scenario.place is not None:
-        position = np.where(np.arange(3) == up, position, scenario.place)
+    world, places = RootTransforms.from_motion(motion, root), scenario.place
+    if places is None:
+        places = world.positions
     yaw = rotations.from_axis_angle(np.eye(3)[up], scenario.turn)
-    transform = RootTransforms(rotations.multiply(yaw, world_quats[0, root]), position)
-    if parent >= 0:
-        transform = transform.relative_to(
-            RootTransforms(world_quats[0, parent], world_positions[0, parent])
-        )
+    places = np.where(np.arange(3) == up, world.positions, places)
+    transform = RootTransforms(rotations.multiply(yaw, world.rotations), places)
+    transform = transform.relative_to_parent(motion, np.arange(motion.n_frames), root)
     quats, positions = motion.rotations.copy(), motion.positions.copy()
     quats[:, root], positions[:, root] = transform.rotations, transform.positions
     return replace(motion, rotations=quats, positions=positions)
