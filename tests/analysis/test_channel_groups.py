@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mograft import Config, JointGroups, Library, Skeleton, graft
@@ -161,45 +161,30 @@ def test_library_base_clusters_ignore_channels_of_other_groups(motion):
     assert a.embedding["roll"] is not None
 
 
-@settings(max_examples=30)
-@given(SEEDS)
-def test_divided_channels_cover_each_joint_once(seed):
-    rng = np.random.default_rng(seed)
+@given(st.tuples(st.booleans(), st.booleans(), st.booleans()))
+def test_divided_channels_are_those_of_a_group_that_lacks_others(owners):
     skeleton = Skeleton(["a", "b", "c"], [-1, 0, 1], np.zeros((3, 3)))
-    owner = {("b", axis): int(rng.integers(2)) for axis in "XYZ"}
-    groups = JointGroups(
-        {
-            name: [joint, *(f"b.{axis}rotation" for (_, axis), g in owner.items() if g == index)]
-            for index, (name, joint) in enumerate({"one": "a", "two": "c"}.items())
-        },
-        base="one",
-    )
+    axes = ["", ""]
+    for axis, owner in zip("ZXY", owners, strict=True):  # in the order of the file
+        axes[owner] += axis
+    own = [[f"b.{axis}rotation" for axis in group] for group in axes]
+    groups = JointGroups({"one": ["a", *own[0]], "two": ["c", *own[1]]}, base="one")
     divided = groups.divided_channels(skeleton)
-    axes = ["".join(sorted(channels.get(1, ""))) for channels in divided.values()]
-    if len(set(owner.values())) == 1:  # one group holds all channels: the joint is not divided
-        assert axes == ["", ""]
-    else:
-        assert sorted("".join(axes)) == ["X", "Y", "Z"]
-    resolved = groups.resolve(skeleton)
-    assert {int(j) for joints in resolved.values() for j in joints} == {0, 1, 2}
+    expected = [{1: group} if 0 < len(group) < 3 else {} for group in axes]
+    assert list(divided.values()) == expected
+    assert {int(j) for joints in groups.resolve(skeleton).values() for j in joints} == {0, 1, 2}
 
 
-@pytest.mark.parametrize(
-    ("groups", "message"),
-    [
-        ({"a": ["Hips", "Arm"], "b": ["Arm.Xrotation"]}, "joint Arm.Xrotation must be in one"),
-        (
-            {"a": ["Hips", "Arm.Yrotation"], "b": ["Arm.Xrotation", "Knee"]},
-            "none for Arm.Zrotation",
-        ),
-        ({"a": ["Arm"], "b": ["Hips.Xrotation"]}, "Hips must be in one group as a whole"),
-        ({"a": ["Hips"], "b": ["Arm", "Arm.Xrotation"]}, "as a whole or by channels, got both"),
-        ({"a": ["Hips"], "b": ["Leg.Xrotation"]}, "group 'b': no joint is named 'Leg'"),
-        ({"a": ["Hips"], "b": ["Knee.Xrotation"]}, "Knee must have three rotation .*, got Xrot"),
-    ],
-)
-def test_joint_groups_invalid_channels_raise_value_error(groups, message):
+def test_joint_groups_invalid_channels_raise_value_error():
     channels = [CHANNELS, CHANNELS[3:], ("Xrotation",)]
     skeleton = Skeleton(["Hips", "Arm", "Knee"], [-1, 0, 0], np.zeros((3, 3)), channels)
-    with pytest.raises(ValueError, match=message):
-        JointGroups(groups, base="a").resolve(skeleton)
+    for a, b, message in (
+        (["Hips", "Arm"], ["Arm.Xrotation"], "joint Arm.Xrotation must be in one"),
+        (["Hips", "Arm.Yrotation"], ["Arm.Xrotation", "Knee"], "got none for Arm.Zrotation"),
+        (["Arm"], ["Hips.Xrotation"], "Hips must be in one group as a whole"),
+        (["Hips"], ["Arm", "Arm.Xrotation"], "as a whole or by channels, got both"),
+        (["Hips"], ["Leg.Xrotation"], "group 'b': no joint is named 'Leg'"),
+        (["Hips"], ["Knee.Xrotation"], "Knee must have three rotation channels .*, got Xrot"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            JointGroups({"a": a, "b": b}, base="a").resolve(skeleton)
