@@ -29,14 +29,11 @@ class RootTransforms:
         parent = int(motion.skeleton.parents[joint])
         if parent < 0:
             return self
-        return self.relative_to(RootTransforms.from_motion(motion, parent)[frames])
-
-    def relative_to(self, parents: "RootTransforms") -> "RootTransforms":
-        """Return these world transforms relative to those of the parent joints."""
-        inverse = rotations.inverse(parents.rotations)
+        above = RootTransforms.from_motion(motion, parent)[frames]
+        inverse = rotations.inverse(above.rotations)
         return RootTransforms(
             rotations.multiply(inverse, self.rotations),
-            rotations.rotate(inverse, self.positions - parents.positions),
+            rotations.rotate(inverse, self.positions - above.positions),
         )
 
     def __getitem__(self, index: npt.NDArray[np.bool_] | IntArray) -> "RootTransforms":
