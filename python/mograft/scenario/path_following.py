@@ -130,11 +130,11 @@ class _PathSearch:
             speed = float(distances[walks].sum() / self.durations[walks].sum())
         max_seconds = _MAX_DURATION_FACTOR * float(total + 1.0) / speed
         # At the start, sequences of one segment: every segment with every heading.
-        beam = np.zeros((_N_HEADINGS, len(self.displacements)), _BEAM)
-        beam["node"], beam["previous"] = np.arange(len(self.displacements)), -1
-        beam["turn"] = 2 * np.pi / _N_HEADINGS * np.arange(_N_HEADINGS)[:, None]
-        beam["initial_turn"] = beam["turn"]
-        beam = beam.ravel()
+        first = np.zeros((_N_HEADINGS, len(self.displacements)), _BEAM)
+        first["node"], first["previous"] = np.arange(len(self.displacements)), -1
+        first["turn"] = 2 * np.pi / _N_HEADINGS * np.arange(_N_HEADINGS)[:, None]
+        first["initial_turn"] = first["turn"]
+        beam: _Beam = first.ravel()
         history: list[_Beam] = []
         while not history or beam["progress"][0] != total:
             beam = self._expand(beam) if history else beam
