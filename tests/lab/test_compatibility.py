@@ -18,7 +18,7 @@ from mograft import InsufficientDataError, Library, rotations
 from mograft.dancer import dance
 from mograft.evaluation import RandomLength
 from mograft.evaluation.detectability import assign_folds
-from mograft.search.candidates import count_combinations
+from mograft.solve.candidates import count_combinations
 from tests.strategies import SEEDS, few_examples, transform_motion
 
 METHODS = (Random(), RandomLength(), Analogy())

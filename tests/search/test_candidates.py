@@ -13,11 +13,11 @@ import mograft as mg
 import mograft.constraints as mc
 from mograft import Config, Segments
 from mograft.dancer import dance
-from mograft.search.candidates import count_combinations, list_candidates
 from mograft.search.costs import length_fits
 from mograft.search.donor_choice import cost_model
 from mograft.search.neighbourhoods import FEWEST_DONORS, NEIGHBOURHOODS
 from mograft.search.trellis import DonorTrellis
+from mograft.solve.candidates import count_combinations, list_candidates
 from mograft.solve.donor_trellis import build_trellis
 from mograft.solve.search_problem import SearchProblem
 from tests.oracles import search as oracle

@@ -8,9 +8,9 @@ import numpy as np
 
 from mograft.library.library import Library
 from mograft.provenance.graft_change import plan_of, unchanged
-from mograft.search.candidates import Candidate, list_candidates
 from mograft.search.constraints import Span, as_span
 from mograft.search.donor_choice import cost_model
+from mograft.solve.candidates import Candidate, list_candidates
 from mograft.solve.donor_spans import ChangedPart, DonorSpan, find_donor_spans
 from mograft.studio.actions.editing import base_segments
 from mograft.studio.actions.fields import Fields

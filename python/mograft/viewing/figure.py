@@ -19,7 +19,7 @@ from mograft.motion.skeleton import Skeleton
 from mograft.provenance.graft_record import GraftRecord, find_clip, read_clip_record, read_motion
 from mograft.search.constraint_records import decode_constraint
 from mograft.search.constraints import Constraint
-from mograft.solve.candidate_verdicts import candidates
+from mograft.solve.candidates import candidates
 from mograft.synthesis.graft_result import Graft
 
 _MAX_LISTED = 20

@@ -15,9 +15,9 @@ from mograft._util.html_table import html_table
 from mograft._util.verdict import compare
 from mograft.body.mass import center_of_mass, mass_model
 from mograft.library.library import Library
-from mograft.search.candidates import count_combinations
 from mograft.search.costs import PRESELECTION, length_fits
 from mograft.search.neighbourhoods import NEIGHBOURHOODS
+from mograft.solve.candidates import count_combinations
 from mograft.synthesis.graft_result import Graft, find_missing, seam_limit
 from mograft.synthesis.newness import newness
 from mograft.viewing.page import Page, assemble_page, asset, viewer_html

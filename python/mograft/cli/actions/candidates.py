@@ -11,10 +11,9 @@ from mograft.cli.syntax.options import CandidatesOptions
 from mograft.cli.syntax.values import resolve_frame
 from mograft.errors import suggest_frames
 from mograft.library.library import Library
-from mograft.search.candidates import Candidate, Candidates
 from mograft.search.donor_constraints import limit_config
 from mograft.search.neighbourhoods import NEIGHBOURHOODS
-from mograft.solve.candidate_verdicts import candidates
+from mograft.solve.candidates import Candidate, Candidates, candidates
 
 
 def run(options: CandidatesOptions) -> int:

@@ -30,10 +30,10 @@ from mograft.provenance.graft_edit import describe_changes, edit
 from mograft.provenance.graft_record import find_whole_library, read_record
 from mograft.provenance.replay import replay
 from mograft.provenance.writing import MOTION_SUFFIXES, write_graft
-from mograft.search.candidates import count_combinations
 from mograft.search.constraints import Constraint
 from mograft.search.donor_constraints import KeepOriginal
 from mograft.search.pose_constraints import anchor_reaches
+from mograft.solve.candidates import count_combinations
 from mograft.synthesis.advice import advise, find_remedies
 from mograft.synthesis.graft import graft_many, kept_violations, repair
 from mograft.synthesis.graft_result import Graft, Substitution

@@ -1,15 +1,24 @@
-"""The candidates of a base segment, listed with costs and the reasons against the refused ones."""
+"""The candidates of a base segment, with costs and the reasons against the refused ones."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.html_table import notebook_table
+from mograft._util.validate import is_integer
+from mograft.errors import join_names
+from mograft.library.library import Library
 from mograft.motion.segments import Segments
-from mograft.search.costs import CostModel, length_fits
+from mograft.search.constraints import Constraint
+from mograft.search.costs import ConstraintViolations, CostModel, length_fits
+from mograft.search.donor_choice import cost_model
+from mograft.search.donor_constraints import limit_config
 from mograft.search.segment_pool import SegmentPool
+from mograft.solve.donor_trellis import candidate_poses, pose_amounts
+from mograft.solve.search_problem import SearchProblem, used_donors
 
 
 @dataclass(frozen=True)
@@ -90,8 +99,49 @@ class Candidates:
         return notebook_table(repr(self), columns + seams, rows, len(listed))
 
 
-@dataclass(frozen=True, eq=False)
-class ConstraintVerdicts:
+def candidates(
+    library: Library, segment: int, group: str, constraints: Sequence[Constraint] = ()
+) -> Candidates:
+    """Return the donors for a group of a segment, and why other similar segments are refused.
+
+    Parameters
+    ----------
+    library : Library
+        The library that contains the base segment and its donors.
+    segment : int
+        Index of the base segment.
+    group : str
+        The group to replace.
+    constraints : sequence of Constraint, optional
+        Donors that would violate a hard constraint at the segment are refused.
+
+    Returns
+    -------
+    Candidates
+        All members of the base segment's neighbourhood (see `Config.neighbourhood`), with
+        costs.
+
+    Raises
+    ------
+    ValueError
+        If the segment or the group does not exist, or the group is the base.
+    """
+    if not is_integer(segment) or not 0 <= segment < len(library.segments):
+        raise ValueError(f"`segment` must be 0 to {len(library.segments) - 1}, got {segment!r}")
+    if group == library.groups.base:
+        others = [own for own in library.groups.names if own != group]
+        raise ValueError(
+            f"`group` must be one of {join_names(others)}, not the base group, which is kept; "
+            f"got {group!r}"
+        )
+    pool, config, verdicts = library.pool(group), library.config, None
+    if constraints:
+        verdicts = _judge_candidates(library, segment, group, constraints)
+        config = limit_config(config, constraints)
+    return list_candidates(pool, segment, cost_model(config, pool), verdicts)
+
+
+class _Verdicts(NamedTuple):
     """Constraint costs of the candidates of a base segment, and the constraints they violate."""
 
     members: IntArray  # neighbourhood of the base segment and donors of `Use`, ascending
@@ -100,11 +150,50 @@ class ConstraintVerdicts:
     is_forced: BoolArray  # whether a `Use` requires the member, shape (n_members,)
 
 
+def _judge_candidates(
+    library: Library, segment: int, group: str, constraints: Sequence[Constraint]
+) -> _Verdicts:
+    """Evaluate constraints for every member of the neighbourhood of a base segment.
+
+    The result has the constraint costs and the violated hard constraints of every member, in
+    ascending order of the members. The base motion is the clip of `segment`. If the group contains
+    the root, every member is moved to the root transform with which the base segment starts.
+    """
+    clip = int(library.segments.clip[segment])
+    scenario = library.segments.of_clip(clip)
+    base, base_segments = library.clips[clip], library.segments[scenario]
+    if not isinstance(constraints, Constraint):
+        constraints = [
+            own
+            for own in constraints
+            if not isinstance(own, Constraint) or own.applies_to_group(group)
+        ]
+    problem = SearchProblem.build(library, base, scenario, base_segments, [group], constraints)
+    position = int(np.searchsorted(scenario, segment))
+    hard = [own for own in problem.constraints if own.is_hard]
+    used = used_donors(hard, base_segments, library)[position]
+    neighbours = problem.pools[group].neighbours(np.array([segment]), problem.config)[0]
+    members = np.union1d(neighbours, used)
+    positions = np.full(len(members), position)
+    origin = problem.origin_amounts(problem.constraints, group, positions, members)
+    poses = candidate_poses(problem, group, positions, members)
+    pose = pose_amounts(problem, group, positions, poses, problem.constraints)
+    # A constraint is either on the origin of donors or on poses: its other amounts are 0.
+    amounts = list(map(np.maximum, origin, pose))
+    costs = ConstraintViolations.from_amounts(problem.constraints, amounts, len(members)).costs()
+    reasons: list[list[str]] = [[] for _ in range(len(members))]
+    for constraint, own in zip(problem.constraints, amounts, strict=True):
+        for i in np.flatnonzero(own > 1.0).tolist() if constraint.is_hard else ():
+            message = constraint.describe_error(float(own[i]), problem.base_poses.height)
+            reasons[i].append(f"{type(constraint).__name__}: {message}")
+    return _Verdicts(members, costs, reasons, np.isin(members, used))
+
+
 def list_candidates(
     pool: SegmentPool,
     segment: int,
     model: CostModel,
-    verdicts: ConstraintVerdicts | None = None,
+    verdicts: _Verdicts | None = None,
     around: tuple[int | None, int | None] | None = None,
 ) -> Candidates:
     """Return the candidates of a base segment with costs and reasons for refusal.
@@ -118,7 +207,7 @@ def list_candidates(
     if verdicts is None:
         members = pool.neighbours(np.array([segment]), config)[0]
         n = len(members)
-        verdicts = ConstraintVerdicts(members, np.zeros(n), [()] * n, np.zeros(n, bool))
+        verdicts = _Verdicts(members, np.zeros(n), [()] * n, np.zeros(n, bool))
     members = verdicts.members
     length, base = int(segments.lengths[segment]), np.full(len(members), segment)
     fits = length_fits(segments.lengths[base], segments.lengths[members], pool.rate, config)
