@@ -277,7 +277,6 @@ GRAFT_OPTIONS = """
     --set seam=displacement
     --set seam=inertial
     --set choice=viterbi -n 2
-    --set choice=best
     --set choice=sample -n 3
     --set choice=nearest -n 2
     --set choice=random

@@ -95,14 +95,13 @@ class Config:
     max_angle : float
         Maximum seam angle, in radians: the mean joint angle between the two poses that meet at
         a seam (4.4).
-    choice : {"viterbi", "best", "sample", "nearest", "random"}
+    choice : {"viterbi", "sample", "nearest", "random"}
         How donors are chosen among the candidates within the limits. "sample" draws donor
         sequences with probability proportional to exp(-cost / `temperature`), so motions of
         different seeds usually differ in some donors. "viterbi" takes the donor sequence of minimum
-        total cost, whatever the seed. "best" takes one sequence for each motion, in ascending order
-        of cost; these sequences differ little. "nearest" minimises only the distance between the
-        base group's motion in donor and base segment. "random" draws uniformly within the limits,
-        as in the paper (4.4).
+        total cost, whatever the seed. "nearest" minimises only the distance between the base
+        group's motion in donor and base segment. "random" draws uniformly within the limits, as in
+        the paper (4.4).
     length_weight : float
         Weight of the relative length difference, 1 - shorter / longer, in the unary cost.
     distance_weight : float
@@ -158,7 +157,7 @@ class Config:
     self_repair : bool
         Whether donors are replaced where the assembled motion has a greater acceleration, jerk or
         depth below the floor than the limits in docs/seams.md, which derive from the recordings. It
-        has no effect with the choices "best" and "random".
+        has no effect with the choice "random".
     feet : {"auto", "never"}
         Whether feet are planted: "auto" plants them if an exchanged group drives the feet or
         the root; "never" leaves them.
@@ -203,7 +202,7 @@ class Config:
     max_stretch: float = setting("search", 0.15)
     length_slack: float = setting("search", FRAME, 0)
     max_angle: float = setting("search", math.radians(45.0))
-    choice: Literal["viterbi", "best", "sample", "nearest", "random"] = setting("search", "sample")
+    choice: Literal["viterbi", "sample", "nearest", "random"] = setting("search", "sample")
     length_weight: float = setting("search", 1.0, 0)
     distance_weight: float = setting("search", 4.0, 0)
     balance_weight: float = setting("search", 30.0, 0)

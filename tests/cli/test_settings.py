@@ -39,7 +39,7 @@ SOURCES = ("shared", "table", "MOGRAFT_{}", "MOGRAFT_GRAFT_{}")
 def test_settings_precedence_is_file_environment_command_line(graft_config, monkeypatch):
     assert graft_config() == ("sample", "gradient", 0)
     Path(CONFIG_FILE).write_text(
-        'seed = 3\n[set]\nchoice = "best"\nseam = "paper"\n[graft.set]\nchoice = "viterbi"\n'
+        'seed = 3\n[set]\nchoice = "random"\nseam = "paper"\n[graft.set]\nchoice = "viterbi"\n'
     )
     assert graft_config() == ("viterbi", "paper", 3)
     monkeypatch.setenv("MOGRAFT_SET", "choice=nearest seam=offset")

@@ -24,7 +24,7 @@ from tests.oracles import search as oracle
 from tests.strategies import SEEDS, few_examples
 
 ROBUST, PAPER = Config(), Config.paper()
-CHOICES = ("viterbi", "best", "sample", "nearest", "random")
+CHOICES = ("viterbi", "sample", "nearest", "random")
 
 
 def list_segment(pool, segment, config):

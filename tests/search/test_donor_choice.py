@@ -13,7 +13,6 @@ from mograft.search.costs import INFEASIBLE_PENALTY
 from mograft.search.donor_choice import (
     DONOR_CHOICES,
     charges,
-    cheapest_combinations,
     cost_model,
     draw_uniform,
     interleaved_combinations,
@@ -131,7 +130,7 @@ def test_draw_sample_almost_without_chance_charges_donors_as_viterbi(make_pool, 
 
 
 @few_examples(20)
-@pytest.mark.parametrize("name", ["viterbi", "best", "nearest"])
+@pytest.mark.parametrize("name", ["viterbi", "nearest"])
 @given(SEEDS)
 def test_choose_path_deterministic_choices_take_the_cheapest_path(make_pool, name, seed):
     config = Config(choice=name, max_stretch=2.0)
@@ -165,11 +164,6 @@ def test_draw_uniform_matches_the_oracle(make_pool, seed):
     kept, angles = prune_dead_ends(pool, lists, config)
     donors = draw_uniform(kept, angles, config, np.random.default_rng(seed))
     np.testing.assert_array_equal(donors, expected)
-
-
-def test_cheapest_combinations_are_in_order_of_total_cost():
-    costs = [[0.0, 1.0, 4.0], [0.0, 2.0]]
-    assert cheapest_combinations(costs, 4) == [(0, 0), (1, 0), (0, 1), (1, 1)]
 
 
 def test_interleaved_combinations_advance_all_lists_then_enumerate_the_rest():

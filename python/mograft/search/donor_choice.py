@@ -13,15 +13,7 @@ from mograft._util.arrays import FloatArray, IntArray, split_by_counts
 from mograft.config import Config
 from mograft.search.costs import INFEASIBLE_PENALTY, CostModel, SimilarityCostModel, is_infeasible
 from mograft.search.segment_pool import SegmentPool
-from mograft.search.trellis import (
-    DonorSequences,
-    DonorTrellis,
-    Trellis,
-    diverse,
-    k_best,
-    sample,
-    viterbi,
-)
+from mograft.search.trellis import DonorSequences, DonorTrellis, Trellis, diverse, sample, viterbi
 
 _MAX_REPEATED_DRAWS = 100  # drawing ends after this many draws in a row without a new result
 
@@ -49,8 +41,8 @@ class DonorChoice(ABC):
     """A strategy that chooses donor sequences."""
 
     cost_model: ClassVar[type[CostModel]] = CostModel  # of the unary and pairwise costs
-    is_limited: ClassVar[bool] = True  # whether only the `max_candidates` cheapest are considered
-    allows_self_repair: ClassVar[bool] = True  # whether donors may be replaced after the choice
+    # Whether only the `max_candidates` cheapest are considered, and self-repair may replace donors.
+    depends_on_costs: ClassVar[bool] = True
 
     @abstractmethod
     def draw(self, source: DonorSource, count: int, rng: Generator) -> list[DonorSequences]:
@@ -73,28 +65,18 @@ class Viterbi(DonorChoice):
 
     def draw(self, source: DonorSource, count: int, rng: Generator) -> list[DonorSequences]:
         """As `DonorChoice.draw`."""
-        paths = {}
+        found = {}
         for group, trellis in source.trellises.items():
             charge = charges(source.pools[group], trellis, source.config)
             captured = trellis.path(trellis.scenario)
             search = partial(trellis.find_path, search=viterbi)
-            paths[group] = diverse(trellis.costs, count, charge, captured, search)
-        ranks = interleaved_combinations([len(own) for own in paths.values()], count)
-        return _sequences(source, paths, ranks)
-
-
-class Best(DonorChoice):
-    """Strategy that returns the sequences with the lowest total costs."""
-
-    # Neighbours in rank differ by few donors; repair would make them equal.
-    allows_self_repair = False
-
-    def draw(self, source: DonorSource, count: int, rng: Generator) -> list[DonorSequences]:
-        """As `DonorChoice.draw`."""
-        costs_of = {group: trellis.costs for group, trellis in source.trellises.items()}
-        paths = {group: k_best(own, count) for group, own in costs_of.items()}
-        costs = [list(map(costs_of[group].cost, own)) for group, own in paths.items()]
-        return _sequences(source, paths, cheapest_combinations(costs, count))
+            paths = diverse(trellis.costs, count, charge, captured, search)
+            found[group] = list(map(trellis.donor_sequence, paths))
+        ranks = interleaved_combinations([len(own) for own in found.values()], count)
+        return [
+            {group: own[index] for (group, own), index in zip(found.items(), indices, strict=True)}
+            for indices in ranks
+        ]
 
 
 class Sample(DonorChoice):
@@ -145,8 +127,7 @@ class Nearest(Viterbi):
 class Random(DonorChoice):
     """Strategy that draws uniformly from the donors within the limits (paper, 4.4)."""
 
-    is_limited = False
-    allows_self_repair = False  # a repaired draw is not uniform
+    depends_on_costs = False  # a limited or repaired draw is not uniform
 
     def draw(self, source: DonorSource, count: int, rng: Generator) -> list[DonorSequences]:
         """As `DonorChoice.draw`."""
@@ -172,7 +153,6 @@ class Random(DonorChoice):
 
 DONOR_CHOICES: dict[str, DonorChoice] = {
     "viterbi": Viterbi(),
-    "best": Best(),
     "sample": Sample(),
     "nearest": Nearest(),
     "random": Random(),
@@ -245,19 +225,6 @@ def draw_uniform(
     return np.array(sequence, np.int64)
 
 
-def cheapest_combinations(costs: Sequence[Sequence[float]], count: int) -> list[tuple[int, ...]]:
-    """Return the `count` combinations of one item per list with the lowest total costs.
-
-    Each list of costs is ascending. A combination is a tuple with one index per list. Combinations
-    are sorted by total cost, and by their indices if the costs are equal.
-    """
-    sums: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
-    for own in costs:
-        pairs = product(sums, enumerate(own))
-        sums = sorted((total + cost, (*rank, i)) for (total, rank), (i, cost) in pairs)[:count]
-    return [indices for _, indices in sums]
-
-
 def interleaved_combinations(lengths: Sequence[int], count: int) -> list[tuple[int, ...]]:
     """Return up to `count` different combinations of one item per list.
 
@@ -273,24 +240,6 @@ def interleaved_combinations(lengths: Sequence[int], count: int) -> list[tuple[i
 def unique_sequences(sequences: Sequence[DonorSequences]) -> list[DonorSequences]:
     """Return donor sequences without repetitions, in order of first occurrence."""
     return list({_key(donors): donors for donors in sequences}.values())
-
-
-def _sequences(
-    source: DonorSource,
-    paths: Mapping[str, Sequence[IntArray]],
-    combinations: Sequence[tuple[int, ...]],
-) -> list[DonorSequences]:
-    """Return the donor sequences of some combinations of paths.
-
-    A combination holds one index into the `paths` of each group.
-    """
-    return [
-        {
-            group: source.trellises[group].donor_sequence(own[index])
-            for (group, own), index in zip(paths.items(), indices, strict=True)
-        }
-        for indices in combinations
-    ]
 
 
 def _draw_different(

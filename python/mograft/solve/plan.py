@@ -126,7 +126,7 @@ class GraftPlan:
     def assemble(self, donors: DonorSequences, name: str) -> tuple[Assembly, list[RepairedWindow]]:
         """Return the assembly of donor sequences after self-repair, and the frames searched."""
         assembly = Assembly.build(self.problem, donors, name)
-        if self.config.self_repair and DONOR_CHOICES[self.config.choice].allows_self_repair:
+        if self.config.self_repair and DONOR_CHOICES[self.config.choice].depends_on_costs:
             return self_repair(assembly, self.trellises, self._violations)
         return assembly, []
 

@@ -230,7 +230,7 @@ class SearchProblem:
             check_frames(constraints, base)
             constraints = with_captured_depth(constraints, poses)
         config = limit_config(library.config, constraints)
-        if not DONOR_CHOICES[config.choice].is_limited:
+        if not DONOR_CHOICES[config.choice].depends_on_costs:
             config = replace(config, max_candidates=len(library.segments))
         groups = sorted(groups, key=lambda group: int(library.joints(group).min()))
         constraints = resolve_segments(constraints, groups, base_segments, library)

@@ -170,7 +170,7 @@ def graft_many(
         The motions, each built when it is accessed. There are fewer than `count` if no more
         different ones exist; random choices stop after 100 consecutive draws that repeat
         earlier ones. Donors of earlier motions cost `Config.diversity` more in later ones,
-        except with ``Config(choice="best")`` and "random". With "viterbi" the first motion is
+        except with ``Config(choice="random")``. With "viterbi" the first motion is
         the cheapest. In a small library `Config.self_repair` can make two motions equal.
 
     Raises
