@@ -8,6 +8,7 @@ from mograft._util.arrays import FloatArray
 from mograft._util.validate import coerce_vector
 from mograft.body.anatomy import anatomy, find_joint
 from mograft.body.mass import mass_model
+from mograft.body.support_polygon import normalize
 from mograft.motion.skeleton import Skeleton
 from mograft.search.obstacles import Vector
 
@@ -59,6 +60,4 @@ def facing_direction(skeleton: Skeleton, positions: FloatArray, upward: FloatArr
     if not left or not right:
         raise ValueError("the view direction is unknown: the skeleton has no left and right limbs")
     lateral = positions[..., left, :].mean(axis=-2) - positions[..., right, :].mean(axis=-2)
-    direction = np.cross(lateral, upward)
-    length = np.linalg.norm(direction, axis=-1, keepdims=True)
-    return direction / np.where(length > 0.0, length, 1.0)
+    return normalize(np.cross(lateral, upward))

@@ -33,13 +33,6 @@ class Trellis:
     def __len__(self) -> int:
         return len(self.unary)
 
-    def cost(self, path: IntArray) -> float:
-        """Return the total cost of a path, which holds the candidate index at each position."""
-        indices = path.tolist()
-        unary = sum(float(costs[i]) for costs, i in zip(self.unary, indices, strict=True))
-        pairs = zip(self.pairwise, indices[:-1], indices[1:], strict=True)
-        return unary + sum(float(costs[i, j]) for costs, i, j in pairs)
-
     def add_unary(self, costs: Sequence[FloatArray]) -> "Trellis":
         """Return the trellis with `costs`, one array per position, added to the unary costs."""
         summed = (unary + further for unary, further in zip(self.unary, costs, strict=True))

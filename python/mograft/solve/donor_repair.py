@@ -75,8 +75,6 @@ def repair_donors(
     first. Only donors at violated positions and next to them change. The donors of a group that
     contains the root do not change: see `tabu_search`.
     """
-    if not any(constraint.is_hard for constraint in problem.constraints):
-        return donors
     chosen = {
         group: replace_unlisted(donors[group], trellis) for group, trellis in trellises.items()
     }

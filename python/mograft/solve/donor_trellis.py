@@ -203,16 +203,11 @@ def advance_root(
     problem: SearchProblem, donors: IntArray, root_start: RootTransforms
 ) -> RootTransforms:
     """Return the root transforms at the ends of n donors, given those at their starts."""
-    library = problem.library
-    taken = library.segments[donors]
-    first, last = _empty_roots(len(donors)), _empty_roots(len(donors))
-    for clip in np.unique(taken.clip):
-        in_clip = taken.clip == clip
-        root = RootTransforms.from_motion(problem.sized_clip(clip), library.root)
-        for ends, frames in ((first, taken.start[in_clip]), (last, taken.stop[in_clip])):
-            ends.rotations[in_clip] = root.rotations[frames]
-            ends.positions[in_clip] = root.positions[frames]
-    return AlignmentTransform.from_roots(first, root_start, library.up).apply(last)
+    ends = _resample_roots(problem, problem.library.segments[donors], np.full(len(donors), 2))
+    at = 2 * np.arange(len(donors))
+    return AlignmentTransform.from_roots(ends[at], root_start, problem.library.up).apply(
+        ends[at + 1]
+    )
 
 
 def _insert_rotations(
@@ -269,7 +264,7 @@ def _captured_frames(donors: Segments) -> IntArray:
 def _resample_roots(problem: SearchProblem, taken: Segments, counts: IntArray) -> RootTransforms:
     """Return the root transforms of donors in their clips, resampled to `counts` frames each."""
     library = problem.library
-    found = _empty_roots(int(counts.sum()))
+    found = RootTransforms(np.empty((counts.sum(), 4)), np.empty((counts.sum(), 3)))
     clip_of_row = np.repeat(taken.clip, counts)
     for clip in np.unique(taken.clip):
         in_clip, rows = taken.clip == clip, clip_of_row == clip
@@ -279,10 +274,6 @@ def _resample_roots(problem: SearchProblem, taken: Segments, counts: IntArray) -
         places = resample_segment_positions(root.positions[:, None], *bounds)
         found.rotations[rows], found.positions[rows] = turns[:, 0], places[:, 0]
     return found
-
-
-def _empty_roots(n: int) -> RootTransforms:
-    return RootTransforms(np.empty((n, 4)), np.empty((n, 3)))
 
 
 def find_evaluated_positions(problem: SearchProblem, group: str, context: Motion) -> BoolArray:

@@ -67,7 +67,7 @@ def _plant_feet(
     donors_of = {
         joint: sequence
         for group, sequence in donors.items()
-        for joint in problem.whole_joints[group].tolist()
+        for joint in problem.group_specs[group].whole_joints.tolist()
     }
     exchanged = {
         joint for joint, sequence in donors_of.items() if (sequence != problem.scenario).any()
@@ -111,7 +111,7 @@ def _finish_reaches(
     if not reaches or not config.reach_ik:
         return motion, ()
     is_exchanged = np.zeros(problem.base.n_joints, bool)
-    is_exchanged[np.concatenate(list(problem.whole_joints.values()))] = True
+    is_exchanged[np.concatenate([own.whole_joints for own in problem.group_specs.values()])] = True
     limits = ReachLimits(
         distance=config.reach_ik,
         n_blend=max(round(config.seam_blend * motion.rate), 1),

@@ -284,7 +284,7 @@ class SearchProblem:
     @cached_property
     def movable_legs(self) -> list[bool]:
         """For each leg of `find_legs`, whether the grafted groups contain hip, knee and ankle."""
-        joints = {joint for own in self.whole_joints.values() for joint in own.tolist()}
+        joints = {joint for own in self.group_specs.values() for joint in own.whole_joints.tolist()}
         legs = find_legs(self.base.skeleton)
         return [{leg.hip, leg.knee, leg.ankle} <= joints for leg in legs]
 
@@ -297,12 +297,6 @@ class SearchProblem:
         return self.library.groups.divided_channels(self.library.skeleton)
 
     @cached_property
-    def whole_joints(self) -> dict[str, IntArray]:
-        """For each grafted group, the joints that it has with all their channels."""
-        joints, divided = self.library.joints, self.divided_channels
-        return {group: np.setdiff1d(joints(group), list(divided[group])) for group in self.pools}
-
-    @cached_property
     def base_joints(self) -> IntArray:
         """The joints of the base group, without the root, whose poses are compared."""
         compared = feature_joints(self.base.skeleton, self.library.joints(self.library.groups.base))
@@ -311,8 +305,8 @@ class SearchProblem:
     @cached_property
     def root_group(self) -> str | None:
         """The grafted group that contains the root and whose donors drive it, or None."""
-        root = self.library.root
-        return next((group for group, own in self.whole_joints.items() if root in own), None)
+        root, specs = self.library.root, self.group_specs
+        return next((group for group, own in specs.items() if root in own.whole_joints), None)
 
     @cached_property
     def is_loop(self) -> bool:
@@ -357,36 +351,34 @@ class SearchProblem:
     @cached_property
     def is_constrained_position(self) -> BoolArray:
         """Whether a pose constraint applies at each position, shape (n_positions,)."""
-        applies = np.zeros(len(self.base_segments), bool)
-        for constraint in self.pose_constraints:
-            first, last = constraint.frames or (0, self.base.n_frames)
-            applies |= (self.base_segments.start <= last) & (self.base_segments.stop >= first)
-        return applies
+        return self.positions_with(self._find_frames_of(self.pose_constraints))
 
     @cached_property
     def is_constrained_frame(self) -> BoolArray:
         """Whether a hard pose constraint applies in each frame, shape (n_frames,)."""
+        return self._find_frames_of([own for own in self.pose_constraints if own.is_hard])
+
+    def _find_frames_of(self, constraints: Sequence[Constraint]) -> BoolArray:
+        """Return whether one of the constraints applies in each frame, shape (n_frames,)."""
         frames = np.arange(self.base.n_frames)
-        applies = [own.applies(frames) for own in self.pose_constraints if own.is_hard]
-        return np.any(applies, axis=0) if applies else np.zeros(len(frames), bool)
+        return np.logical_or.reduce([frames < 0, *(own.applies(frames) for own in constraints)])
 
     def count_alternatives(self, group: str) -> IntArray:
         """Return how many candidates other than the base segment each position has."""
         pairs = zip(self.candidates[group], self.scenario, strict=True)
         return np.array([np.count_nonzero(own != base) for own, base in pairs], np.int64)
 
-    def positions_with(self, excess: FloatArray) -> BoolArray:
+    def positions_with(self, excess: FloatArray | BoolArray) -> BoolArray:
         """Return whether each position has a frame in which `excess` is above 0.
 
         `excess` is a result of `donor_excess`, shape (n_frames,).
         """
-        count = np.concatenate([[0], np.cumsum(excess > 0)])
-        return count[self.base_segments.stop + 1] > count[self.base_segments.start]
+        return self.greatest_at_positions(excess) > 0
 
-    def greatest_at_positions(self, excess: FloatArray) -> FloatArray:
+    def greatest_at_positions(self, excess: FloatArray | BoolArray) -> FloatArray:
         """Return the greatest `excess` in the frames of each position, first and last included."""
-        frames = zip(self.base_segments.start, self.base_segments.stop, strict=True)
-        return np.array([excess[start : stop + 1].max() for start, stop in frames])
+        inside = np.maximum.reduceat(excess, self.base_segments.start)
+        return np.maximum(inside, excess[self.base_segments.stop])
 
     def origin_costs(self, group: str) -> list[FloatArray]:
         """Return for each position the costs of soft constraints on clips and lengths."""

@@ -169,7 +169,12 @@ class _Defects:
 
     def has_feasible_seams(self, donors: IntArray) -> BoolArray:
         """Return whether each seam exceeds `max_angle` by no more than before the repair."""
-        return self._seam_excess(donors) <= self._first_seam_excess + _ROUNDING
+        problem = self.assembly.problem
+        pool, limit = problem.pools[self.measure.group], problem.config.max_angle
+        first, own = (
+            np.maximum(pool.seam_angles_along(each) - limit, 0.0) for each in (self.donors, donors)
+        )
+        return own <= first + _ROUNDING
 
     def broken_frames(self, assembly: Assembly) -> list[Span]:
         """Return the frames of the violations of constraints that `assembly` violates more.
@@ -192,15 +197,6 @@ class _Defects:
     def first_violations(self) -> Sequence[Violation]:
         """The violations of the first donors."""
         return self.violations(self.assembly)
-
-    @cached_property
-    def _first_seam_excess(self) -> FloatArray:
-        return self._seam_excess(self.donors)
-
-    def _seam_excess(self, donors: IntArray) -> FloatArray:
-        problem = self.assembly.problem
-        angles = problem.pools[self.measure.group].seam_angles_along(donors)
-        return np.maximum(angles - problem.config.max_angle, 0.0)
 
 
 def _search(defects: _Defects, trellis: DonorTrellis) -> IntArray:
