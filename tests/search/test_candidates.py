@@ -14,7 +14,7 @@ import mograft.constraints as mc
 from mograft import Config, Segments
 from mograft.dancer import dance
 from mograft.search.costs import length_fits
-from mograft.search.donor_choice import cost_model
+from mograft.search.donor_choice import DONOR_CHOICES, cost_model
 from mograft.search.neighbourhoods import FEWEST_DONORS, NEIGHBOURHOODS
 from mograft.search.trellis import DonorTrellis
 from mograft.solve.candidates import count_combinations, list_candidates
@@ -24,7 +24,6 @@ from tests.oracles import search as oracle
 from tests.strategies import SEEDS, few_examples
 
 ROBUST, PAPER = Config(), Config.paper()
-CHOICES = ("viterbi", "sample", "nearest", "random")
 
 
 def list_segment(pool, segment, config):
@@ -38,34 +37,29 @@ def with_random_donors(pool, seed):
 CLUSTER = Config(neighbourhood="cluster")
 
 
-@given(SEEDS, st.sampled_from((CLUSTER, PAPER)))
-def test_candidate_lists_match_the_oracle(make_pool, seed, config):
-    pool = with_random_donors(make_pool(seed), seed)
-    expected = oracle.candidates(pool.labels, pool.segments.lengths, 30.0, config, pool.is_donor)
-    scenario = np.random.default_rng(seed).integers(0, len(pool.segments), 20)
-    for base, found in zip(scenario, pool.candidate_lists(scenario, config), strict=True):
-        np.testing.assert_array_equal(found, expected[base])
-        assert base in found
+CONFIGS, RADII = st.sampled_from((CLUSTER, PAPER, ROBUST)), st.sampled_from([0.2, 1.0, 2.0])
 
 
-@given(SEEDS, st.integers(1, 5), st.floats(0.0, 0.5), st.sampled_from([0.2, 1.0, 2.0]))
-def test_candidate_lists_of_balls_match_the_oracle(make_pool, seed, batch, stretch, sigma):
-    """All donors within the radius that fit; if they are too few, the nearest within two radii."""
+@given(SEEDS, st.integers(1, 5), RADII, CONFIGS)
+def test_candidate_lists_match_the_oracle(make_pool, seed, batch, sigma, config):
+    """All donors of the neighbourhood that fit; if a ball has too few, the nearest in two radii."""
     pool = replace(with_random_donors(make_pool(seed), seed), sigma=sigma)
-    config = Config(max_stretch=stretch + 0.01, length_slack=0.0)
-    everyone = np.arange(len(pool.segments))
+    scenario = np.random.default_rng(seed).integers(0, len(pool.segments), 20)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("mograft.search.segment_pool.POSITIONS_PER_BATCH", batch)
         patch.setattr("mograft.search.segment_pool._NEIGHBOURS_PER_BATCH", batch)
-        lists = pool.candidate_lists(everyone, config)
+        lists = pool.candidate_lists(scenario, config)
     lengths = pool.segments.lengths
-    for base, found in zip(everyone.tolist(), lists, strict=True):
+    for base, found in zip(scenario.tolist(), lists, strict=True):
         distances = np.linalg.norm(pool.points - pool.points[base], axis=1)
         fits = length_fits(lengths[base], lengths, 30.0, config) & pool.is_donor
         order = np.argsort(distances, kind="stable").tolist()
         fitting = [k for k in order if fits[k] and k != base]
-        inside = [k for k in fitting if distances[k] <= sigma]
-        if len(inside) < FEWEST_DONORS:
+        is_inside = pool.labels == pool.labels[base]
+        if config.neighbourhood == "ball":
+            is_inside = distances <= sigma
+        inside = [k for k in fitting if is_inside[k]]
+        if config.neighbourhood == "ball" and len(inside) < FEWEST_DONORS:
             inside = [k for k in fitting if distances[k] <= 2 * sigma][:FEWEST_DONORS]
         assert found.tolist() == sorted([base, *inside])
 
@@ -218,26 +212,6 @@ def test_list_candidates_refusals_name_the_exceeded_limits(make_pool, seed):
         assert all("is not below 0.15" in refusal for refusal in refusals)
 
 
-@few_examples(20)
-@pytest.mark.parametrize("choice", CHOICES)
-@given(SEEDS, st.integers(1, 3), st.floats(0.05, 3.0), st.sampled_from(tuple(NEIGHBOURHOODS)))
-def test_listed_cost_is_that_of_the_trellis_beside_the_base_neighbours(
-    make_pool, choice, seed, n_labels, limit, neighbourhood
-):
-    pool = make_pool(seed, n_labels=n_labels)
-    config = Config(choice=choice, max_stretch=5.0, max_angle=limit, neighbourhood=neighbourhood)
-    scenario = np.arange(len(pool.segments))
-    lists = pool.candidate_lists(scenario, config)
-    model = cost_model(config, pool)
-    trellis = DonorTrellis.build(pool, scenario, lists, model)
-    beside = trellis.costs.conditional_costs(trellis.path(scenario))
-    for segment in scenario.tolist():
-        found = list_segment(pool, segment, config)
-        costs = {c.segment: c.cost for c in (*found.allowed, *found.refused)}
-        for member, cost in zip(trellis.candidates[segment], beside[segment], strict=True):
-            assert costs[member] == pytest.approx(cost, rel=1e-12, abs=1e-12)
-
-
 @pytest.fixture(scope="module")
 def library():
     motion = dance(seed=1, strides=2).motion
@@ -245,6 +219,7 @@ def library():
 
 
 CONSTRAINTS = {
+    "none": [],
     "pose": [
         mc.Avoid(mc.Sphere((30.0, 130.0, 40.0), 30.0)),
         mc.AvoidSelf(tolerance=0.001),
@@ -261,10 +236,14 @@ CONSTRAINTS = {
 }
 
 
-@pytest.mark.parametrize("choice", CHOICES)
+@pytest.mark.parametrize("choice", tuple(DONOR_CHOICES))
+@pytest.mark.parametrize("neighbourhood", tuple(NEIGHBOURHOODS))
 @pytest.mark.parametrize("kind", list(CONSTRAINTS))
-def test_listed_cost_with_constraints_is_that_of_the_search(library, choice, kind):
-    library = replace(library, config=replace(library.config, choice=choice))
+def test_listed_cost_is_that_of_the_search_beside_the_base_neighbours(
+    library, choice, neighbourhood, kind
+):
+    config = replace(library.config, choice=choice, neighbourhood=neighbourhood)
+    library = replace(library, config=config)
     constraints = CONSTRAINTS[kind]
     scenario = library.segments.of_clip(0)
     base_segments = library.segments[scenario]

@@ -152,18 +152,27 @@ def test_choose_path_random_ignores_costs_and_avoids_penalties():
 
 @few_examples(20)
 @given(SEEDS)
-def test_draw_uniform_matches_the_oracle(make_pool, seed):
-    pool = make_pool(seed, n_labels=2)
+def test_draw_uniform_takes_each_donor_from_those_that_reach_the_end_within_max_angle(
+    make_pool, seed
+):
     config = Config(neighbourhood="cluster", max_angle=0.6, max_stretch=2.0)
-    bounds = np.array([*pool.segments.start, pool.segments.stop[-1]])
-    quats = np.zeros((bounds[-1] + 1, 3, 4))
-    quats[bounds] = np.concatenate([pool.boundary.first, pool.boundary.last[-1:]])
-    found = oracle.candidates(pool.labels, pool.segments.lengths, 30.0, config)
-    expected = oracle.random_sequence(quats, bounds, found, config, np.random.default_rng(seed))
+    pool = make_pool(seed, n_labels=2)
     lists = pool.candidate_lists(np.arange(len(pool.segments)), config)
     kept, angles = prune_dead_ends(pool, lists, config)
-    donors = draw_uniform(kept, angles, config, np.random.default_rng(seed))
-    np.testing.assert_array_equal(donors, expected)
+    np.testing.assert_array_equal(kept[-1], lists[-1])
+    for own, left, right, found in zip(lists, kept, kept[1:], angles, strict=False):
+        seams = pool.seam_angles(own, right)
+        can_continue = (seams <= 0.6).any(axis=1)
+        np.testing.assert_array_equal(left, own[can_continue] if can_continue.any() else own)
+        np.testing.assert_array_equal(found, seams[np.isin(own, left)])
+    draws, rng = np.random.default_rng(seed), np.random.default_rng(seed)
+    donors = draw_uniform(kept, angles, config, draws)
+    index = rng.integers(len(kept[0]))
+    assert donors[0] == kept[0][index]
+    for own, matrix, donor in zip(kept[1:], angles, donors[1:], strict=True):
+        within = np.flatnonzero(matrix[index] <= 0.6)
+        index = rng.choice(within) if len(within) else matrix[index].argmin()
+        assert donor == own[index]
 
 
 def test_interleaved_combinations_advance_all_lists_then_enumerate_the_rest():

@@ -13,8 +13,6 @@ from tests.oracles import balance as balance_oracle
 from tests.oracles import search as oracle
 from tests.strategies import SEEDS, few_examples
 
-ROBUST = Config()
-
 
 def build(pool, config):
     scenario = np.arange(len(pool.segments))
@@ -26,7 +24,8 @@ def build(pool, config):
 @given(SEEDS, st.sampled_from([1, 3, 100]))
 def test_trellis_costs_match_the_formula_and_keep_the_cheapest(make_pool, seed, most):
     pool = make_pool(seed)
-    config = Config(max_stretch=2.0, max_candidates=most, max_angle=0.5)
+    weights = {"length_weight": 2.0, "distance_weight": 0.5, "novelty": 1.5}
+    config = Config(max_stretch=2.0, max_candidates=most, max_angle=0.5, **weights)
     trellis = build(pool, config)
     lengths, scales = pool.segments.lengths, pool.seam_scales(config)
     lists = pool.candidate_lists(trellis.scenario, config)
@@ -42,8 +41,8 @@ def test_trellis_costs_match_the_formula_and_keep_the_cheapest(make_pool, seed, 
             return 0.0
         ends = pool.boundary.first, pool.boundary.last
         angle = np.mean([oracle.seam_angle(end[i], end[k]) for end in ends])
-        novelty = config.novelty * (1 + min(1, np.degrees(angle) / 5)) / 2
-        return 1 - ratio + 4 * distance + config.balance_weight * added - novelty
+        novelty = 1.5 * (1 + min(1, np.degrees(angle) / 5)) / 2
+        return 2 * (1 - ratio) + 0.5 * distance + config.balance_weight * added - novelty
 
     for i, (kept, costs) in enumerate(zip(trellis.candidates, trellis.costs.unary, strict=True)):
         np.testing.assert_allclose(costs, [unary(i, k) for k in kept], atol=1e-12)
