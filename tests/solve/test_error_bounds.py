@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 import mograft as mg
 import mograft.constraints as mc
@@ -47,65 +47,53 @@ def random_obstacle(rng, place, motion):
     ][int(rng.integers(5))]
 
 
-def random_constraints(rng, motion):
-    """Return one or two random constraints on obstacles near the path of the body."""
+def random_constraint(rng, motion):
+    """Return a random constraint on an obstacle near the path of the body."""
     world = motion.world_positions()
-    constraints = []
-    for _ in range(int(rng.integers(1, 3))):
-        place = world[rng.integers(len(world)), rng.integers(world.shape[1])]
-        place = place + rng.normal(size=3) * rng.choice([0.0, 20.0, 60.0, 150.0])
-        obstacle = random_obstacle(rng, place, motion)
-        weight = None if rng.integers(2) else float(rng.uniform(0.1, 3.0))
-        frames = None if rng.integers(2) else (int(rng.integers(200)), int(rng.integers(200, 499)))
-        if rng.integers(4):
-            margin = float(rng.uniform(-0.05, 0.1))
-            constraints.append(mc.Avoid(obstacle, margin=margin, weight=weight, frames=frames))
-        else:
-            joint = str(rng.choice(["Head", "LeftHand", "RightForeArm", "RightFoot"]))
-            inside = bool(rng.integers(2))
-            own = mc.KeepOut(joint, obstacle, inside=inside, weight=weight, frames=frames)
-            constraints.append(own)
-    return constraints
+    place = world[rng.integers(len(world)), rng.integers(world.shape[1])]
+    place = place + rng.normal(size=3) * rng.choice([0.0, 20.0, 60.0, 150.0])
+    obstacle = random_obstacle(rng, place, motion)
+    weight = None if rng.integers(2) else float(rng.uniform(0.1, 3.0))
+    frames = None if rng.integers(2) else (int(rng.integers(200)), int(rng.integers(200, 499)))
+    if rng.integers(4):
+        margin = float(rng.uniform(-0.05, 0.1))
+        return mc.Avoid(obstacle, margin=margin, weight=weight, frames=frames)
+    joint = str(rng.choice(["Head", "LeftHand", "RightForeArm", "RightFoot"]))
+    is_inside = bool(rng.integers(2))
+    return mc.KeepOut(joint, obstacle, inside=is_inside, weight=weight, frames=frames)
 
 
-def random_problem(libraries, make_problem, rng):
-    """Return a search problem with random constraints, a group, and donors of other groups."""
-    library = libraries[int(rng.integers(len(libraries)))]
-    names = [name for name in library.groups.names if name != library.groups.base]
-    problem = make_problem(library, random_constraints(rng, library.clips[0]), names)
-    group, chosen = str(rng.choice(names)), {}
-    if len(names) > 1 and rng.integers(2):
-        other = str(rng.choice([name for name in names if name != group]))
-        chosen[other] = np.array([rng.choice(own) for own in problem.candidates[other]])
-    return problem, group, chosen
-
-
-@settings(few_examples(15), deadline=None)
+@few_examples(15)
 @given(SEEDS)
 def test_candidate_violations_match_poses_of_every_candidate_bit_for_bit(
     libraries, make_problem, seed
 ):
-    problem, group, chosen = random_problem(libraries, make_problem, np.random.default_rng(seed))
+    """Also with donors of another group chosen already."""
+    rng = np.random.default_rng(seed)
+    library = libraries[rng.integers(len(libraries))]
+    names = [name for name in library.groups.names if name != library.groups.base]
+    constraints = [random_constraint(rng, library.clips[0]) for _ in range(rng.integers(1, 3))]
+    problem = make_problem(library, constraints, names)
+    group, other = rng.choice(names, 2).tolist()
+    chosen = {other: np.array([rng.choice(own) for own in problem.candidates[other]])}
+    chosen = {} if group == other else chosen
     found = candidate_violations(problem, group, chosen)
     for own, (hard, soft) in zip(found, candidate_amounts(problem, group, chosen), strict=True):
         assert own.hard.tobytes() == hard.tobytes()
         assert own.soft.tobytes() == soft.tobytes()
 
 
-class _Sphere(mc.Sphere):
-    """An obstacle that measures something else than a distance from capsules."""
-
-
-class _Avoid(mc.Avoid):
-    """A constraint that may measure something else than a distance from an obstacle."""
+FAR = (9000.0, 0.0, 0.0)
+# What measures something else than a distance of capsules from an obstacle.
+OTHER_OBSTACLE, OTHER_CONSTRAINT = (type("Other", (own,), {}) for own in (mc.Sphere, mc.Avoid))
 
 
 @pytest.mark.parametrize(
     "constraint",
     [
-        mc.Avoid(_Sphere((9000.0, 0.0, 0.0), 1.0)),
-        _Avoid(mc.Sphere((9000.0, 0.0, 0.0), 1.0)),
-        mc.KeepOut("LeftHand", mc.Sphere((9000.0, 0.0, 0.0), 1.0), inside=True),
+        mc.Avoid(OTHER_OBSTACLE(FAR, 1.0)),
+        OTHER_CONSTRAINT(mc.Sphere(FAR, 1.0)),
+        mc.KeepOut("LeftHand", mc.Sphere(FAR, 1.0), inside=True),
         mc.AvoidSelf(),
         mc.Custom(lambda poses: poses.positions[:, 0, 1] * 0.0),
     ],
@@ -115,5 +103,5 @@ def test_positions_of_constraints_without_a_bound_are_all_evaluated(
 ):
     problem = make_problem(libraries[0], [constraint], ["upper"])
     assert find_evaluated_positions(problem, "upper", problem.base).all()
-    bounded = make_problem(libraries[0], [mc.Avoid(mc.Sphere((9e3, 0.0, 0.0), 1.0))], ["upper"])
+    bounded = make_problem(libraries[0], [mc.Avoid(mc.Sphere(FAR, 1.0))], ["upper"])
     assert not find_evaluated_positions(bounded, "upper", bounded.base).any()

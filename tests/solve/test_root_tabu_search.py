@@ -14,7 +14,7 @@ from mograft.solve.donor_repair import rank_substitutions, tabu_search
 from mograft.solve.donor_trellis import build_trellis, candidate_poses
 from mograft.solve.plan import GraftPlan
 from mograft.synthesis.graft_building import build_graft
-from tests.strategies import SEEDS
+from tests.strategies import SEEDS, few_examples
 
 HAND, HIPS = "LeftHand", "Hips"
 
@@ -71,23 +71,27 @@ def test_rank_substitutions_predicted_violation_matches_each_moved_motion(
         assert predicted[i] == pytest.approx(expected + pose_excess(problem, moved).sum())
 
 
-@settings(max_examples=2, deadline=None)
+@pytest.mark.parametrize("group", ["lower", "upper"])
+@few_examples(2)
 @given(SEEDS)
-def test_donor_excess_is_that_of_the_graft(root_library, make_problem, seed):
-    library = replace(root_library, config=replace(root_library.config, self_repair=False))
-    problem = make_problem(library, [distant_wall()])
-    rngs = [np.random.default_rng([seed, i]) for i in range(2)]
-    alternatives = [random_sequence(problem.candidates["lower"], rng) for rng in rngs]
-    excesses = donor_excesses(problem, alternatives, 3, 9)["lower"]
-    plan = GraftPlan(problem)
+def test_donor_excesses_in_a_range_are_those_of_the_grafts(
+    root_library, two_dances, make_problem, group, seed
+):
+    library = {"lower": root_library, "upper": two_dances}[group]
+    library = replace(library, config=replace(library.config, self_repair=False))
+    sky = mc.KeepOut(HAND, mc.HalfSpace((0.0, 900.0, 0.0), (0.0, 1.0, 0.0)))
+    problem = make_problem(library, [sky], [group])
+    rng, candidates = np.random.default_rng(seed), problem.candidates[group]
+    first = int(rng.integers(len(candidates) - 4))
+    alternatives = [{group: np.array([rng.choice(own) for own in candidates])} for _ in range(3)]
+    excesses = donor_excesses(problem, alternatives, first, first + 4)[group]
+    begin, end = problem.base_segments.start[first], problem.base_segments.stop[first + 3]
     for donors, excess in zip(alternatives, excesses, strict=True):
-        motion = build_graft(plan, donors, 0, 0).motion
-        np.testing.assert_array_equal(motion.positions, assemble(problem, donors).positions)
-        error, _ = problem.constraints[0].errors(mg.Poses.from_motion(motion))
-        begin, end = problem.base_segments.start[3], problem.base_segments.stop[8]
-        expected = np.maximum(error[begin : end + 1] - 1.0, 0.0)
-        assert expected.min() > 0
-        np.testing.assert_allclose(excess, expected, atol=1e-9)
+        motion = build_graft(GraftPlan(problem), donors, 0, 0).motion
+        error = sky.errors(mg.Poses.from_motion(motion))[0][begin : end + 1]
+        assert error.min() > 1.0
+        # Seams far away have a small influence: see `seam_reach`.
+        np.testing.assert_allclose(excess, error - 1.0, rtol=1e-4)
 
 
 def test_tabu_search_unreachable_target_returns_the_best_evaluated_sequence(
