@@ -3,12 +3,10 @@
 import ast
 import doctest
 import importlib.util
-import json
 import re
 import shutil
 import subprocess
 import sys
-import venv
 import zipfile
 from pathlib import Path
 
@@ -88,36 +86,3 @@ def test_wheels_share_modules_and_no_file_name(wheels):
     one, two = (zipfile.ZipFile(wheels[name]) for name in ("mograft", "mograft_linkage"))
     for name in contained - {"__init__.py"}:
         assert one.read(inside + name) == two.read(name), name
-
-
-def run(*command):
-    """Run a program, and return its result with its output as text."""
-    return subprocess.run(command, capture_output=True, text=True, check=True)
-
-
-@pytest.fixture(scope="module")
-def environment(wheels, tmp_path_factory):
-    """Install the slim wheel in a fresh environment; return its Python."""
-    folder = tmp_path_factory.mktemp("environment")
-    venv.create(folder, with_pip=True)
-    python = folder / ("Scripts" if sys.platform == "win32" else "bin") / "python"
-    run(python, "-m", "pip", "install", "--quiet", wheels["mograft_linkage"])
-    return python
-
-
-@pytest.mark.thorough
-def test_wheel_needs_and_imports_numpy_only(environment):
-    listed = run(environment, "-m", "pip", "list", "--format=json", "--disable-pip-version-check")
-    names = {package["name"] for package in json.loads(listed.stdout)}
-    assert names - {"pip", "setuptools"} == {"mograft-linkage", "numpy"}
-    code = """
-import sys, numpy
-before = set(sys.modules)
-import mograft_linkage
-print(*set(sys.modules) - before)
-"""
-    found = run(environment, "-c", code)
-    added = set(found.stdout.split())
-    ours = {name for name in added if name.startswith("mograft_linkage")}
-    assert len(ours) == len(MODULES) + 1
-    assert {name.partition(".")[0] for name in added - ours} <= {"numpy", *sys.stdlib_module_names}

@@ -101,18 +101,12 @@ def test_graft_without_other_candidates_returns_the_file(motion, tmp_path):
     assert len(list(graft_many(library, count=3, widen=False))) == 1
 
 
-@pytest.mark.parametrize("choice", ["viterbi", "sample", "nearest", "random"])
-def test_graft_many_returns_different_motions(library, choice):
-    grafts = list(graft_many(with_choice(library, choice), count=4, seed=3))
-    assert len({g.motion.rotations.tobytes() for g in grafts}) == 4
-    assert [g.motion.name for g in grafts] == [f"dance_graft{i}" for i in range(4)]
-
-
 @pytest.mark.parametrize("choice", ["sample", "viterbi", "random"])
 @pytest.mark.parametrize("distinct", [0.0, 0.05])
 def test_graft_many_motions_do_not_depend_on_the_count(library, choice, distinct):
     configured = with_choice(library, choice)
     few, many = (graft_many(configured, count=n, distinct=distinct) for n in (2, 5))
+    assert len({own.motion.rotations.tobytes() for own in many}) == len(many) >= 4
     for own, other in zip(few, many, strict=False):
         np.testing.assert_array_equal(own.motion.rotations, other.motion.rotations)
 

@@ -2,7 +2,6 @@
 
 import json
 import sys
-import sysconfig
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -97,9 +96,3 @@ def test_threads_that_build_libraries_give_serial_bytes():
     serial = [build(seed) for seed in range(4)]
     assert run_together([partial(build, seed) for seed in range(4)]) == serial
     assert serial[0] != serial[1]
-
-
-def test_import_leaves_free_threaded_python_without_gil():
-    if not sysconfig.get_config_var("Py_GIL_DISABLED"):
-        pytest.skip("this Python has a GIL")
-    assert not sys._is_gil_enabled()
