@@ -12,26 +12,14 @@ import mograft.constraints as mc
 from mograft.body.mirroring import mirror
 from mograft.dancer import dance
 from mograft.search.copies import COPY_ANGLE
-from tests.strategies import few_examples
-
-
-def rescaled(take):
-    skeleton = take.skeleton.with_offsets(0.01 * take.skeleton.offsets)
-    return replace(take, skeleton=skeleton, positions=0.01 * take.positions)
-
-
-def turned(take):
-    """The take in another direction, elsewhere."""
-    quarter = mg.rotations.from_axis_angle([0.0, 1.0, 0.0], 1.3)
-    quats, positions = take.rotations.copy(), take.positions.copy()
-    quats[:, 0] = mg.rotations.multiply(quarter, quats[:, 0])
-    positions[:, 0] = mg.rotations.rotate(quarter, positions[:, 0]) + np.array([50.0, 0.0, 9.0])
-    return replace(take, rotations=quats, positions=positions)
-
+from tests.strategies import few_examples, transform_motion
 
 COPIES = {
-    **{"renamed": lambda take: take, "piece": lambda take: take[300:700]},
-    **{"rescaled": rescaled, "turned": turned, "mirrored": lambda take: mirror(mirror(take))},
+    "renamed": lambda take: take,
+    "piece": lambda take: take[300:700],
+    "rescaled": lambda take: transform_motion(take, scale=0.01),
+    "turned": lambda take: transform_motion(take, yaw=1.3, offset=(50.0, 0.0, 9.0)),
+    "mirrored": lambda take: mirror(mirror(take)),
     "resampled": lambda take: take.resample(120).resample(30),
 }
 
@@ -68,7 +56,7 @@ def test_are_copies_equals_comparison_of_all_pairs(seed, groups):
     take = dance(seed=seed, strides=1).motion[:400]
     jitter = mg.rotations.exp(np.random.default_rng(seed).normal(0, 0.002, (400, 18, 3)))
     rough = replace(take, rotations=mg.rotations.multiply(take.rotations, jitter), name="rough")
-    twin = replace(turned(take), name="twin", channel_values=None)
+    twin = replace(COPIES["turned"](take), name="twin")
     library = mg.Library.build([take, twin, replace(rough, channel_values=None)])
     group = {"lower_upper": "upper", "upper_lower": "lower"}[groups]
     n = len(library.segments)

@@ -18,7 +18,7 @@ from mograft.dancer import dance
 from mograft.search.pose_constraints import anchor_reaches
 from mograft.synthesis.graft import kept_violations
 from tests.hierarchies import skeleton_from_text
-from tests.strategies import few_examples, transform_motion
+from tests.strategies import transform_motion
 
 MOTION = dance(seed=1, strides=1).motion[:120]
 HEIGHT = mass_model(MOTION.skeleton).height
@@ -78,16 +78,6 @@ def test_figure_position_axes_are_left_up_and_forward():
     assert hands @ left > 0 < toe @ forward
     assert_allclose(up, [0, HEIGHT, 0], atol=1e-9)
     assert_allclose(np.cross(up, forward), left * HEIGHT, atol=1e-6)
-
-
-@few_examples(10)
-@given(st.integers(0, 100), OFFSETS)
-def test_reach_of_figure_position_equals_reach_of_its_place_in_each_frame(frame, offset):
-    poses = mg.Poses.from_motion(MOTION)
-    relative = mc.Reach("LeftHand", mc.FigurePosition("chest", offset), frame)
-    place = located(MOTION, "chest", offset)[frame]
-    fixed = mc.Reach("LeftHand", tuple(place), frame)
-    assert_allclose(relative.errors(poses)[0], fixed.errors(poses)[0], atol=1e-9)
 
 
 def test_reach_of_figure_position_is_met_in_every_frame_and_replayed():

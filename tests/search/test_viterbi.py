@@ -1,7 +1,7 @@
 """Properties of the searches through a trellis, each checked against all enumerated paths."""
 
 import math
-from itertools import pairwise, product
+from itertools import islice, pairwise, product
 
 import numpy as np
 import pytest
@@ -94,7 +94,7 @@ def charges(trellis, penalty):
 def test_diverse_paths_differ_and_start_with_the_cheapest(seed, count, penalty):
     trellis = make_trellis(seed)
     before = [own.copy() for own in trellis.unary]
-    paths = diverse(trellis, count, charges(trellis, penalty))
+    paths = list(islice(diverse(trellis, charges(trellis, penalty)), count))
     for own, unchanged in zip(trellis.unary, before, strict=True):
         np.testing.assert_array_equal(own, unchanged)
     assert len(paths) == min(count, len(all_paths(trellis)))
@@ -121,21 +121,9 @@ def test_slice_within_costs_differ_from_the_whole_path_by_a_constant(seed, data)
     np.testing.assert_allclose(differences, differences[0], atol=1e-9)
 
 
-@given(SEEDS)
-def test_conditional_costs_differ_by_change_of_path_cost(seed):
-    trellis = make_trellis(seed)
-    path = viterbi(trellis)
-    for position, costs in enumerate(trellis.conditional_costs(path)):
-        for index, cost in enumerate(costs):
-            changed = path.copy()
-            changed[position] = index
-            difference = path_cost(trellis, changed) - path_cost(trellis, path)
-            assert cost - costs[path[position]] == pytest.approx(difference, abs=1e-9)
-
-
 def test_searches_of_an_empty_trellis_return_the_empty_path():
     empty = Trellis((), ())
     assert viterbi(empty).shape == (0,)
     assert [path.shape for path in k_best(empty, 3)] == [(0,)]
     assert sample(empty, 1.0, np.random.default_rng(0)).shape == (0,)
-    assert [path.shape for path in diverse(empty, 2, charges(empty, 1.0))] == [(0,)]
+    assert [path.shape for path in diverse(empty, charges(empty, 1.0))] == [(0,)]

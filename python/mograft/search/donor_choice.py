@@ -1,7 +1,7 @@
 """Strategies that choose donor sequences: the values of `Config.choice`."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain, islice, product
 from typing import ClassVar, Protocol
@@ -70,7 +70,7 @@ class Viterbi(DonorChoice):
             charge = charges(source.pools[group], trellis, source.config)
             captured = trellis.path(trellis.scenario)
             search = partial(trellis.find_path, search=viterbi)
-            paths = diverse(trellis.costs, count, charge, captured, search)
+            paths = islice(diverse(trellis.costs, charge, captured, search), count)
             found[group] = list(map(trellis.donor_sequence, paths))
         ranks = interleaved_combinations([len(own) for own in found.values()], count)
         return [
@@ -108,7 +108,7 @@ class Sample(DonorChoice):
                 costs[group] = costs[group].add_unary(added)
 
         captured = {group: trellis.scenario for group, trellis in trellises.items()}
-        return _draw_different(draw_once, count, charge, captured)
+        return list(islice(_draw_different(draw_once, charge, captured), count))
 
     def choose_path(self, trellis: Trellis, config: Config, rng: Generator) -> IntArray:
         """As `DonorChoice.choose_path`."""
@@ -140,7 +140,7 @@ class Random(DonorChoice):
         def draw_once() -> DonorSequences:
             return {group: draw_uniform(*own, config, rng) for group, own in pruned.items()}
 
-        return _draw_different(draw_once, count)
+        return list(islice(_draw_different(draw_once), count))
 
     def choose_path(self, trellis: Trellis, config: Config, rng: Generator) -> IntArray:
         """As `DonorChoice.choose_path`: uniform over the paths without infeasible penalty."""
@@ -244,27 +244,24 @@ def unique_sequences(sequences: Sequence[DonorSequences]) -> list[DonorSequences
 
 def _draw_different(
     draw: Callable[[], DonorSequences],
-    count: int,
     use: Callable[[DonorSequences], None] | None = None,
     captured: DonorSequences | None = None,
-) -> list[DonorSequences]:
-    """Call `draw` until `count` different results exist, and return these.
+) -> Iterator[DonorSequences]:
+    """Call `draw` again and again, and yield the different results.
 
-    Drawing ends early after `_MAX_REPEATED_DRAWS` draws in a row without a new result. `use` is
-    called with each new result if another draw follows. Only the first result may be `captured`.
+    Drawing ends after `_MAX_REPEATED_DRAWS` draws in a row without a new result. `use` is called
+    with each new result before the next draw. Only the first result may be `captured`.
     """
-    results: list[DonorSequences] = []
     known: set[bytes] = set()
-    while len(results) < count:
+    while True:
         draws = (draw() for _ in range(_MAX_REPEATED_DRAWS))
         donors = next((own for own in draws if _key(own) not in known), None)
         if donors is None:
-            break
-        results.append(donors)
+            return
+        yield donors
         known |= {_key(own) for own in (donors, captured) if own is not None}
-        if use is not None and len(results) < count:
+        if use is not None:
             use(donors)
-    return results
 
 
 def _key(donors: DonorSequences) -> bytes:

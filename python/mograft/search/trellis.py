@@ -5,7 +5,7 @@ paths. Each search walks the trellis once from the end to the start, accumulatin
 the weight) of all continuations of each candidate, and then once forwards to read off the path.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -161,39 +161,35 @@ def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> In
 
 def diverse(
     trellis: Trellis,
-    count: int,
     charges: Callable[[IntArray], Sequence[FloatArray]],
     captured: IntArray | None = None,
     search: Callable[[Trellis], IntArray] = viterbi,
-) -> list[IntArray]:
-    """Return different paths; each is the cheapest after costs are added for the earlier ones.
+) -> Iterator[IntArray]:
+    """Yield different paths; each is the cheapest after costs are added for the earlier ones.
 
     `charges` returns the costs to add to the unary costs of all candidates after a path. The first
     path is that of `search`; only it may be `captured`. If the path found is an earlier one,
-    the cheapest new path is returned instead. There are fewer than `count` paths if no new one
-    exists.
+    the cheapest new path is yielded instead.
 
     Examples
     --------
     >>> trellis = Trellis((np.array([0.0, 1.0]), np.array([0.0, 5.0])), (np.zeros((2, 2)),))
-    >>> [path.tolist() for path in diverse(trellis, 2, lambda path: 9.0 * np.eye(2)[path])]
-    [[0, 0], [1, 1]]
+    >>> paths = diverse(trellis, lambda path: 9.0 * np.eye(2)[path])
+    >>> next(paths).tolist(), next(paths).tolist()
+    ([0, 0], [1, 1])
     """
-    paths: list[IntArray] = []
     seen: set[bytes] = set()
-    while len(paths) < count:
+    while True:
         path = search(trellis)
         if path.tobytes() in seen:
             # One more path than there are in `seen`, so at least one is new if any is left.
-            others = (p for p in k_best(trellis, len(seen) + 1) if p.tobytes() not in seen)
-            unseen = next(others, None)
-            if unseen is None:
-                break
-            path = unseen
-        paths.append(path)
+            others = [own for own in k_best(trellis, len(seen) + 1) if own.tobytes() not in seen]
+            if not others:
+                return
+            path = others[0]
+        yield path
         seen |= {own.tobytes() for own in (path, captured) if own is not None}
         trellis = trellis.add_unary(charges(path))
-    return paths
 
 
 @dataclass(frozen=True, eq=False)
