@@ -176,7 +176,7 @@ def test_typical_gaps_are_means_over_the_typical_seams_and_set_the_scales(
         velocities.append(np.linalg.norm(jump, axis=1).mean())
     expected = (np.mean(angles), np.mean(velocities)) if angles else (np.inf, np.inf)
     np.testing.assert_allclose(pool.typical_gaps, expected, atol=1e-9)
-    scales = pool.seam_scales(ROBUST)
+    scales = cost_model(ROBUST, pool).scales
     assert scales.angle == pytest.approx(min(np.radians(20), expected[0] / 2))
     assert scales.velocity == pytest.approx(min(np.radians(200), 2 * expected[1]))
 

@@ -12,9 +12,9 @@ from mograft.search.costs import (
     ConstraintViolations,
     CostModel,
     SeamScales,
-    SimilarityCostModel,
     length_fits,
 )
+from mograft.search.donor_choice import DONOR_CHOICES
 from tests.strategies import SEEDS
 
 ROBUST, PAPER = Config(), Config.paper()
@@ -40,7 +40,7 @@ def test_length_fits_a_difference_of_exactly_the_limit_is_refused_in_the_paper_o
 
 
 def test_unary_similarity_costs_are_distances_and_a_penalty_for_the_base():
-    model = SimilarityCostModel(ROBUST, SCALES)
+    model = DONOR_CHOICES["nearest"].cost_model(ROBUST, SCALES)
     lengths = np.array([4, 4])
     costs = model.unary(lengths, lengths, np.array([0.7, 0.0]), np.array([False, True]))
     assert costs.tolist() == [0.7, INFEASIBLE_PENALTY]
@@ -70,10 +70,11 @@ def test_pairwise_costs_are_squares_up_to_a_limit_and_penalties_above_max_angle(
 ):
     """Two seams within the limit cost less than half a violated limit."""
     arguments = Config(max_angle=0.5), SeamScales(scale, scale)
+    nearest = DONOR_CHOICES["nearest"].cost_model(*arguments)
     squares = min((angle / scale) ** 2 + (velocity / scale) ** 2, INFEASIBLE_PENALTY / 8)
     penalty = INFEASIBLE_PENALTY * (angle > 0.5)
-    for model, expected in ((CostModel, squares), (SimilarityCostModel, 0.0)):
-        costs = model(*arguments).pairwise(np.array([angle]), np.array([velocity]))
+    for model, expected in ((CostModel(*arguments), squares), (nearest, 0.0)):
+        costs = model.pairwise(np.array([angle]), np.array([velocity]))
         assert costs[0] == pytest.approx(expected + penalty)
 
 

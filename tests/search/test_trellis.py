@@ -27,7 +27,7 @@ def test_trellis_costs_match_the_formula_and_keep_the_cheapest(make_pool, seed, 
     weights = {"length_weight": 2.0, "distance_weight": 0.5, "novelty": 1.5}
     config = Config(max_stretch=2.0, max_candidates=most, max_angle=0.5, **weights)
     trellis = build(pool, config)
-    lengths, scales = pool.segments.lengths, pool.seam_scales(config)
+    lengths, scales = pool.segments.lengths, cost_model(config, pool).scales
     lists = pool.candidate_lists(trellis.scenario, config)
 
     def unary(i, k):

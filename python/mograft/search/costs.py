@@ -80,16 +80,17 @@ class CostModel:
     """Unary and pairwise costs: the weighted sum of all terms.
 
     A donor k of segment i costs ``length_weight · (1 - shorter / longer) + distance_weight · d(i,
-    k) / sigma + balance_weight · u``, minus ``novelty · (1 + min(1, a / NOVEL_ANGLE)) / 2`` if k is
-    not i. Here shorter and longer are the lengths of the two segments, d is their distance in the
-    embedding of the base group, sigma the cluster diameter threshold, u the result of
-    `added_imbalances` and a that of `pose_differences`. A seam costs
-    ``(angle / scales.angle)² + (velocity / scales.velocity)²``, at most an eighth of
-    `INFEASIBLE_PENALTY`, plus that penalty if the angle exceeds `max_angle`.
+    k) / sigma + balance_weight · u``, minus ``novelty · (1 + min(1, a / NOVEL_ANGLE)) / 2``. Here
+    shorter and longer are the lengths of the two segments, d is their distance in the embedding of
+    the base group, sigma the cluster diameter threshold, u the result of `added_imbalances` and a
+    that of `pose_differences`. Segment i itself costs `base_cost`. A seam costs ``(angle /
+    scales.angle)² + (velocity / scales.velocity)²``, at most an eighth of `INFEASIBLE_PENALTY`,
+    plus that penalty if the angle exceeds `max_angle`.
     """
 
     config: Config
     scales: SeamScales
+    base_cost: float = 0.0  # of the base segment
 
     def unary(
         self, base: IntArray, donors: IntArray, distances: FloatArray, is_base: BoolArray
@@ -103,7 +104,7 @@ class CostModel:
         ratio = np.minimum(base, donors) / np.maximum(base, donors)
         costs = self.config.length_weight * (1.0 - ratio)
         costs = costs + self.config.distance_weight * distances
-        return costs - np.where(is_base, 0.0, self.config.novelty)
+        return np.where(is_base, self.base_cost, costs - self.config.novelty)
 
     def similarity(self, differences: FloatArray) -> FloatArray:
         """Return by how much less novel donors are, given their `pose_differences` to the base."""
@@ -124,7 +125,8 @@ class CostModel:
         in radians per second.
         """
         gaps = (angles / self.scales.angle) ** 2 + (velocities / self.scales.velocity) ** 2
-        return self._angle_penalties(angles) + np.minimum(gaps, _MAX_SEAM_COST)
+        penalties = np.where(angles > self.config.max_angle, INFEASIBLE_PENALTY, 0.0)
+        return penalties + np.minimum(gaps, _MAX_SEAM_COST)
 
     def seam_costs(self, left: BoundaryStates, right: BoundaryStates) -> FloatArray:
         """Return the seam costs from each left to each right segment, shape (n_left, n_right)."""
@@ -154,37 +156,6 @@ class CostModel:
         kept, kept_counts = _core.keep_cheapest(counts, costs, is_base, limit)
         of_kept = split_by_counts(segments[kept], kept_counts)
         return of_kept, split_by_counts(costs[kept], kept_counts)
-
-    def _angle_penalties(self, angles: FloatArray) -> FloatArray:
-        return np.where(angles > self.config.max_angle, INFEASIBLE_PENALTY, 0.0)
-
-
-@dataclass(frozen=True)
-class SimilarityCostModel(CostModel):
-    """Unary and pairwise costs of the nearest donors: only the base group's motion is compared.
-
-    A donor k of segment i costs d(i, k) / sigma, with the distance d and the threshold sigma of
-    `CostModel`; the base segment itself costs `INFEASIBLE_PENALTY`. A seam costs 0 if its angle is
-    at most `max_angle`, and otherwise `INFEASIBLE_PENALTY`.
-    """
-
-    def unary(
-        self, base: IntArray, donors: IntArray, distances: FloatArray, is_base: BoolArray
-    ) -> FloatArray:
-        """As `CostModel.unary`."""
-        return np.where(is_base, INFEASIBLE_PENALTY, distances)
-
-    def similarity(self, differences: FloatArray) -> FloatArray:
-        """Return zeros."""
-        return np.zeros(len(differences))
-
-    def balance(self, imbalances: FloatArray) -> FloatArray:
-        """Return zeros."""
-        return np.zeros(len(imbalances))
-
-    def pairwise(self, angles: FloatArray, velocities: FloatArray) -> FloatArray:
-        """As `CostModel.pairwise`."""
-        return self._angle_penalties(angles)
 
 
 def is_infeasible(costs: FloatArray) -> BoolArray:

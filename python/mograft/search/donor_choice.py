@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import chain, islice, product
 from typing import ClassVar, Protocol
@@ -11,7 +12,7 @@ from numpy.random import Generator
 
 from mograft._util.arrays import FloatArray, IntArray, split_by_counts
 from mograft.config import Config
-from mograft.search.costs import INFEASIBLE_PENALTY, CostModel, SimilarityCostModel, is_infeasible
+from mograft.search.costs import INFEASIBLE_PENALTY, CostModel, SeamScales, is_infeasible
 from mograft.search.segment_pool import SegmentPool
 from mograft.search.trellis import DonorSequences, DonorTrellis, Trellis, diverse, sample, viterbi
 
@@ -40,9 +41,12 @@ class DonorSource(Protocol):
 class DonorChoice(ABC):
     """A strategy that chooses donor sequences."""
 
-    cost_model: ClassVar[type[CostModel]] = CostModel  # of the unary and pairwise costs
     # Whether only the `max_candidates` cheapest are considered, and self-repair may replace donors.
     depends_on_costs: ClassVar[bool] = True
+
+    def cost_model(self, config: Config, scales: SeamScales) -> CostModel:
+        """Return the model of the unary and pairwise costs."""
+        return CostModel(config, scales)
 
     @abstractmethod
     def draw(self, source: DonorSource, count: int, rng: Generator) -> list[DonorSequences]:
@@ -121,7 +125,12 @@ class Nearest(Viterbi):
     Seams cost nothing if their angles are at most `max_angle`.
     """
 
-    cost_model = SimilarityCostModel
+    def cost_model(self, config: Config, scales: SeamScales) -> CostModel:
+        """As `DonorChoice.cost_model`."""
+        config = replace(
+            config, length_weight=0.0, distance_weight=1.0, novelty=0.0, balance_weight=0.0
+        )
+        return CostModel(config, SeamScales(np.inf, np.inf), base_cost=INFEASIBLE_PENALTY)
 
 
 class Random(DonorChoice):
@@ -162,7 +171,8 @@ DONOR_CHOICES: dict[str, DonorChoice] = {
 
 def cost_model(config: Config, pool: SegmentPool) -> CostModel:
     """Return the cost model of the strategy `Config.choice`, with the seam scales of a pool."""
-    return DONOR_CHOICES[config.choice].cost_model(config, pool.seam_scales(config))
+    scales = SeamScales.from_typical_gaps(*pool.typical_gaps, config)
+    return DONOR_CHOICES[config.choice].cost_model(config, scales)
 
 
 def charges(

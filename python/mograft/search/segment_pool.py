@@ -25,7 +25,7 @@ from mograft.search.boundary_states import (
     velocity_gaps_along,
 )
 from mograft.search.copies import SegmentParts
-from mograft.search.costs import PRESELECTION, CostModel, SeamScales, length_fits
+from mograft.search.costs import PRESELECTION, CostModel, length_fits
 from mograft.search.neighbourhoods import FEWEST_DONORS, NEIGHBOURHOODS
 
 _SEGMENTS_PER_BATCH = 1 << 12  # base segments whose support margins are in memory
@@ -346,10 +346,6 @@ class SegmentPool:
         # Such a right segment has another donor in its cluster: beside a segment that has none,
         # the left segment was replaced, so the two are not consecutive.
         return left, np.where(is_captured, shift(right, np.ones_like(right)), right)
-
-    def seam_scales(self, config: Config) -> SeamScales:
-        """Return the gaps of a seam that cost 1: see `SeamScales.from_typical_gaps`."""
-        return SeamScales.from_typical_gaps(*self.typical_gaps, config)
 
 
 def _batches(lists: Sequence[IntArray]) -> list[slice]:
