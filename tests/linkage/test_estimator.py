@@ -6,8 +6,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 from sklearn.cluster import AgglomerativeClustering
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import check_estimator
 
 from mograft import clustering
@@ -66,19 +64,3 @@ def test_complete_linkage_threshold_is_exclusive(points, quantile):
 def test_complete_linkage_unknown_parameter_raises_value_error():
     with pytest.raises(ValueError, match=r"`params` must be among n_clusters, .*, got 'linkage'"):
         clustering.CompleteLinkage().set_params(linkage="complete")
-
-
-def test_complete_linkage_data_frame_names_and_set_output():
-    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
-    points = np.random.default_rng(3).standard_normal((60, 3))
-    frame = pandas.DataFrame(points, columns=["a", "b", "c"])
-    model = clustering.CompleteLinkage(4).fit(frame)
-    assert model.feature_names_in_.tolist() == ["a", "b", "c"]
-    np.testing.assert_array_equal(model.labels_, clustering.CompleteLinkage(4).fit_predict(points))
-    assert not hasattr(model.fit(points), "feature_names_in_")
-    pipeline = make_pipeline(StandardScaler(), clustering.CompleteLinkage(4))
-    pipeline.set_output(transform="pandas")
-    assert pipeline.fit(frame)[-1].feature_names_in_.tolist() == ["a", "b", "c"]
-    frame.columns = ["a", 1, "c"]
-    with pytest.raises(TypeError, match="X must have column names that are all strings"):
-        model.fit(frame)

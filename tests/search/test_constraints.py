@@ -50,19 +50,20 @@ def build_problem(library, constraints, groups=("upper",)):
 # Errors
 
 
-@settings(max_examples=12, deadline=None)
-@given(vectors((), 100.0), st.floats(1.0, 60.0))
-def test_obstacle_distances_match_the_oracle(poses, center, radius):
-    center = center + np.array([0, 100, 0])
-    sphere = np.broadcast_to(center, (len(poses), 1, 2, 3))
-    distances = capsule_distances(poses.ends, poses.capsules.radii, sphere, np.array([radius]))
-    expected = np.maximum(-distances.min(axis=(1, 2)), 0) / poses.height
-    error, joint = mc.Avoid(mc.Sphere(tuple(center), radius)).errors(poses)
-    assert_allclose(error * 0.005, expected, atol=1e-9)
-    assert (joint >= 0).all()
-    wide, _ = mc.Avoid(mc.Sphere(tuple(center), radius), margin=0.1).errors(poses)
-    deeper = np.where(error > 0, error + 0.1 / 0.005, wide)
-    assert_allclose(wide, deeper, rtol=1e-9)
+@few_examples(12)
+@given(vectors((2,), 100.0), st.floats(1.0, 60.0), st.floats(-0.05, 0.1))
+def test_avoid_errors_are_depths_of_capsules_within_the_margin(poses, axis, radius, margin):
+    axis = axis + np.array([0, 100, 0])
+    for ends, obstacle in (
+        (axis, mc.Capsule(*axis, radius)),
+        (axis[[0, 0]], mc.Sphere(axis[0], radius)),
+    ):
+        others = np.broadcast_to(ends, (len(poses), 1, 2, 3))
+        distances = capsule_distances(poses.ends, poses.capsules.radii, others, np.array([radius]))
+        depths = margin * poses.height - distances.min(axis=(1, 2))
+        error, joint = mc.Avoid(obstacle, margin=margin).errors(poses)
+        assert_allclose(error * 0.005, depths.clip(min=0) / poses.height, atol=1e-9)
+        assert (joint >= 0).all()
 
 
 def test_half_space_and_large_box_agree(poses):
@@ -78,17 +79,15 @@ def test_half_space_and_large_box_agree(poses):
 
 
 def test_character_distance_follows_its_motion(motion, poses):
-    near = mc.Character(motion[:200], offset=(50.0, 0, 0))
-    error, _ = mc.Avoid(near).errors(poses)
+    error, _ = mc.Avoid(mc.Character(motion[:200], offset=(50.0, 0, 0))).errors(poses)
     radii, moved = poses.capsules.radii, poses.ends + np.array([50.0, 0, 0])
     depths = -capsule_distances(poses.ends, radii, moved, radii).min(axis=(1, 2))
     assert_allclose(error * 0.005, depths.clip(min=0) / poses.height, atol=1e-9)
     late = mc.Avoid(mc.Character(motion[:200], (50.0, 0, 0), delay=1.0)).errors(poses)[0]
-    shifted = mg.Poses.from_motion(motion[:200])
-    first = mc.Avoid(mc.Character(motion[:1], (50.0, 0, 0))).errors(shifted)[0]
+    first = mc.Avoid(mc.Character(motion[:1], (50.0, 0, 0))).errors(poses)[0]
     assert_array_equal(late[:30], first[:30])
-    full_turn = mc.Avoid(mc.Character(motion[:200], yaw=2 * np.pi)).errors(poses)[0]
-    assert_allclose(full_turn, mc.Avoid(mc.Character(motion[:200])).errors(poses)[0])
+    turned = mc.Character(motion[:200], (50.0, 0, 0), yaw=2 * np.pi)
+    assert_allclose(mc.Avoid(turned).errors(poses)[0], error, atol=1e-6)
 
 
 def test_reach_and_keep_out_measure_joint_positions(poses):
@@ -349,50 +348,35 @@ def test_repair_reaches_what_one_substitution_reaches(library, seed):
     assert donor_excess(problem, repaired)["upper"].sum() == 0
 
 
-def avoid_sphere_at_hand(library):
-    """Return a constraint to avoid a sphere at the hand position of frame 300."""
-    position = library.clips[0].world_positions()[300, library.clips[0].skeleton.index(HAND)]
-    return mc.Avoid(mc.Sphere(tuple(position + np.array([0.0, 6.0, 0.0])), 6.0), frames=(270, 330))
-
-
-def test_repair_changes_only_violating_segments_and_neighbours(library):
-    base = library.clips[0]
-    avoid = avoid_sphere_at_hand(library)
-    before, _ = avoid.errors(mg.Poses.from_motion(base))
-    assert (before > 1).any()
-    graft = mg.repair(library, constraints=[avoid])
-    assert not graft.violations
-    after, _ = avoid.errors(mg.Poses.from_motion(graft.motion))
-    assert after.max() <= 1.0
-    changed = np.array([not s.is_own for s in graft.substitutions])
-    collides = [(before[s.start : s.stop + 1] > 1).any() for s in graft.substitutions]
-    assert changed.any()
-    assert not (changed & (np.convolve(collides, np.ones(5), "same") == 0)).any()
-    reach, is_kept = round(library.config.seam_blend * library.rate), np.ones(base.n_frames, bool)
-    for s in graft.substitutions:
-        if not s.is_own:
-            is_kept[max(s.start - reach, 0) : s.stop + reach + 1] = False
-    assert_array_equal(graft.motion.channel_numbers()[is_kept], base.channel_numbers()[is_kept])
-    assert_array_equal(graft.motion.rotations[is_kept], base.rotations[is_kept])
-
-
-CHANGES = [{"torso": "pelvis"}, {"choice": "sample"}, {"choice": "random"}]
+CHANGES = [{}, {"torso": "pelvis"}, {"choice": "sample"}, {"choice": "random"}]
 
 
 @pytest.mark.parametrize("changes", CHANGES)
-def test_violations_describe_the_finished_motion(library, changes):
+def test_violations_describe_the_finished_motion_and_repair_changes_only_violating_segments(
+    library, changes
+):
     """Errors of candidates leave out the seams; violations include them."""
-    other = replace(library, config=replace(library.config, **changes))
-    avoid = avoid_sphere_at_hand(library)
-    worst = []
-    for graft in (mg.repair(other, constraints=[avoid]), mg.graft(other, constraints=[avoid])):
+    other, base = replace(library, config=replace(library.config, **changes)), library.clips[0]
+    position = base.world_positions()[300, base.skeleton.index(HAND)] + np.array([0.0, 6.0, 0.0])
+    avoid = mc.Avoid(mc.Sphere(tuple(position), 6.0), frames=(270, 330))
+    before, _ = avoid.errors(mg.Poses.from_motion(base))
+    repaired = mg.repair(other, constraints=[avoid])
+    for graft in (mg.graft(other, constraints=[avoid]), repaired):
         after, _ = avoid.errors(mg.Poses.from_motion(graft.motion))
         assert (after.max() > 1.0) == bool(graft.violations)
         assert any(not s.is_own for s in graft.substitutions)
         assert all(violation.message in graft.report() for violation in graft.violations)
-        worst.append(after.max())
-    before, _ = avoid.errors(mg.Poses.from_motion(library.clips[0]))
-    assert worst[0] < before.max()
+    assert after.max() < before.max()
+    assert changes or not repaired.violations
+    changed = np.array([not s.is_own for s in repaired.substitutions])
+    collides = [(before[s.start : s.stop + 1] > 1).any() for s in repaired.substitutions]
+    assert not (changed & (np.convolve(collides, np.ones(5), "same") == 0)).any()
+    reach, is_kept = round(library.config.seam_blend * library.rate), np.ones(base.n_frames, bool)
+    for s in repaired.substitutions:
+        if not s.is_own:
+            is_kept[max(s.start - reach, 0) : s.stop + reach + 1] = False
+    assert_array_equal(repaired.motion.channel_numbers()[is_kept], base.channel_numbers()[is_kept])
+    assert_array_equal(repaired.motion.rotations[is_kept], base.rotations[is_kept])
 
 
 def test_candidates_refused_names_constraint_and_amount(library):
@@ -414,18 +398,20 @@ def test_candidates_refused_names_constraint_and_amount(library):
     assert len(judged.allowed) + len(judged.refused) == len(free.allowed) + len(free.refused)
 
 
-def test_report_lists_every_substitution(library):
+def test_report_lists_every_substitution_and_the_gaps_at_its_seams(library):
     graft = mg.graft(library)
     lines = graft.report(each=True).splitlines()
     assert "(limit 45°)" in graft.report()
     pool, donors = library.pool("upper"), graft.donors["upper"]
-    model = cost_model(library.config, pool)
+    model, gaps = cost_model(library.config, pool), {seam.frame: seam.gap for seam in graft.seams}
     for at, s in enumerate(graft.substitutions):
         expected = pool.unary_costs(np.array([s.segment]), np.array([s.donor]), model)[0]
         assert s.cost == expected
         if at:
             gap = pool.seam_angles(donors[at - 1 : at], donors[at : at + 1])[0, 0]
             assert s.gap_before == graft.substitutions[at - 1].gap_after == gap
+            assert gaps.get(s.start, 0.0) == pytest.approx(gap, abs=1e-12)
+            assert gap <= library.config.max_angle
         source = f"{s.clip} {s.donor_start}-{s.donor_stop}"
         line_start = f"    segment {at}, {s.start}-{s.stop} from {source}: cost {s.cost:.2f}"
         assert any(line.startswith(line_start) for line in lines) == (not s.is_own)

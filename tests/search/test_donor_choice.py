@@ -19,7 +19,7 @@ from mograft.search.donor_choice import (
     prune_dead_ends,
     unique_sequences,
 )
-from mograft.search.trellis import DonorTrellis, Trellis, viterbi
+from mograft.search.trellis import DonorTrellis, Trellis
 from tests.oracles import search as oracle
 from tests.strategies import SEEDS, few_examples
 
@@ -50,12 +50,13 @@ class Source:
         return self.pools[group].candidate_lists(self.scenario, self.config)
 
 
-@few_examples(20)
+@few_examples(30)
 @pytest.mark.parametrize("name", tuple(DONOR_CHOICES))
-@given(SEEDS, st.integers(1, 6))
-def test_draw_returns_different_sequences_of_candidates(make_pool, name, seed, count):
-    config = Config(choice=name, max_stretch=2.0)
-    pools = {"arms": make_pool(seed, n_labels=2), "head": make_pool(seed + 1, n_labels=2)}
+@given(SEEDS, st.integers(1, 8), st.sampled_from([3, 12]))
+def test_draw_returns_different_sequences_of_candidates(make_pool, name, seed, count, n):
+    """By cost, only the first may be the captured one."""
+    config = Config(choice=name, max_stretch=2.0, novelty=0.0, temperature=5.0)
+    pools = {"arms": make_pool(seed, n, n_labels=2), "head": make_pool(seed + 1, n, n_labels=2)}
     source = Source(pools, config)
     drawn = DONOR_CHOICES[name].draw(source, count, np.random.default_rng(seed))
     assert 1 <= len(drawn) <= count
@@ -65,16 +66,9 @@ def test_draw_returns_different_sequences_of_candidates(make_pool, name, seed, c
         for group, sequence in donors.items():
             lists = source.feasible_candidates(group)
             assert all(donor in own for donor, own in zip(sequence, lists, strict=True))
-
-
-@pytest.mark.parametrize("name", ["sample", "viterbi", "nearest"])
-@given(SEEDS)
-def test_draw_only_the_first_sequence_may_be_the_captured_one(make_pool, name, seed):
-    config = Config(choice=name, novelty=0.0, max_stretch=2.0, temperature=5.0)
-    source = Source({"upper": make_pool(seed, n=3)}, config)
-    drawn = DONOR_CHOICES[name].draw(source, 8, np.random.default_rng(seed))
-    for donors in drawn[1:]:
-        assert (donors["upper"] != source.scenario).any()
+    if name != "random":
+        for donors in drawn[1:]:
+            assert any((own != source.scenario).any() for own in donors.values())
 
 
 @few_examples(20)
@@ -127,16 +121,6 @@ def test_draw_sample_almost_without_chance_charges_donors_as_viterbi(make_pool, 
     assert len(drawn) > 1
     for one, other in zip(drawn, expected, strict=False):
         np.testing.assert_array_equal(one["arms"], other["arms"])
-
-
-@few_examples(20)
-@pytest.mark.parametrize("name", ["viterbi", "nearest"])
-@given(SEEDS)
-def test_choose_path_deterministic_choices_take_the_cheapest_path(make_pool, name, seed):
-    config = Config(choice=name, max_stretch=2.0)
-    costs = Source({"upper": make_pool(seed)}, config).trellises["upper"].costs
-    path = DONOR_CHOICES[name].choose_path(costs, config, np.random.default_rng(seed))
-    np.testing.assert_array_equal(path, viterbi(costs))
 
 
 def test_choose_path_random_ignores_costs_and_avoids_penalties():

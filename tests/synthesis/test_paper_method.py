@@ -2,7 +2,6 @@
 
 import warnings
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,16 +9,16 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import mograft as mg
 from mograft.dancer import dance
+from tests.hierarchies import DATA
 from tests.oracles import paper_method as oracle
 
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "paper_shape_57dof"
 SOURCES = [(name, rate) for name in ("dancer", "A", "B") for rate in (30.0, 120.0)]
 
 
 def motion_of(name, rate):
     if name == "dancer":
         return dance(seed=1, rate=rate, strides=1).motion
-    path = DATA / f"paper_shape_{name}.bvh"
+    path = DATA / "paper_shape_57dof" / f"paper_shape_{name}.bvh"
     if not path.exists():
         pytest.skip(f"{path.name} is not at hand below {DATA}")
     motion = mg.read_bvh(path)
