@@ -64,10 +64,6 @@ class Clips(Sequence[Motion]):
     grafts: Mapping[str, str] = field(default_factory=dict, repr=False)
     is_part: bool = field(default=False, repr=False)
 
-    def __post_init__(self) -> None:
-        if len(set(self.names)) != len(self.names):
-            raise ValueError(f"`names` must be different, got {join_names(self.names)}")
-
     def __repr__(self) -> str:
         return f"Clips({self.path.name}: {self.format}, {self._count()})"
 

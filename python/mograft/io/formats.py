@@ -237,13 +237,13 @@ def read_clip(address: str | os.PathLike[str], *, skeleton: Skeleton | None = No
     path, pattern = split_address(os.fspath(address))
     clips = open_clips(path, skeleton=skeleton)
     found = [*range(len(clips))] if pattern is None else clips.find(pattern)
+    if not found:
+        raise FormatError("expected at least one motion, got none", path)
     if pattern is None:
         found = [index for index in found if clips.clip(index) is None] or found
     if len(found) == 1:
         return clips[found[0]]
-    names = clips.names if pattern is None else [clips.names[index] for index in found]
-    if not names:
-        raise FormatError("expected at least one motion, got none", path)
+    names = [clips.names[index] for index in found]
     expected = f"the name of one clip, as in {clips.address(found[0])}"
     raise FormatError(f"expected {expected}, got {len(names)} clips: {join_names(names)}", path)
 

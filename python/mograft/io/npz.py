@@ -118,13 +118,7 @@ class NpzArchive(NamedTuple):
         return self.read(name, shape, "iu", "integers").astype(np.int64)
 
     def read_strings(self, name: str, shape: Shape) -> list[str]:
-        """Return the texts of an array; errors are as for `read`, also if texts are too long."""
-        n_characters = self.header(name, shape).dtype.itemsize // 4
-        if n_characters > limits.MAX_NAME_CHARACTERS:
-            raise self.error(
-                name,
-                f"expected at most {limits.MAX_NAME_CHARACTERS} characters, got {n_characters}",
-            )
+        """Return the texts of an array; errors are as for `read`."""
         return self.read(name, shape, "U", "text").tolist()
 
     def header(self, name: str, shape: Shape) -> ArrayHeader:
@@ -319,21 +313,6 @@ def _to_arrays(motion: Motion) -> dict[str, npt.NDArray[Any]]:
     }
 
 
-def _read_motion(archive: NpzArchive) -> Motion:
-    if f"{archive.prefix}format" not in archive.headers:
-        raise FormatError(
-            "expected the arrays of mograft (`format`), AMASS (`poses`, `trans`) or Kimodo "
-            "(`posed_joints`, `global_rot_mats`), got "
-            f"{join_names(sorted(archive.headers)) or 'no arrays'}",
-            archive.path,
-        )
-    given = str(archive.read("format", (), "U", "text"))
-    if given != _FORMAT:
-        raise archive.error("format", f"expected {_FORMAT}, got {given}")
-    with errors_of_file(archive.path):
-        return _to_motion(archive)
-
-
 def open_npz(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
     """Return the clips of an NPZ file; see `mograft.io.formats.Opener`."""
     archive = open_npz_archive(path)
@@ -346,7 +325,7 @@ def open_npz(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
 
     def load(clip: int) -> Motion:
         with errors_of_file(path):
-            motion = _read_motion(parts[clip])
+            motion = _to_motion(parts[clip])
             motion = motion if is_single else replace(motion, name=names[clip])
             return motion if rate is None else motion.resample(rate)
 
@@ -360,6 +339,16 @@ def open_npz(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
 
 def _to_motion(archive: NpzArchive) -> Motion:
     """Return the motion in a file; if it has no name, it is named after the file."""
+    if f"{archive.prefix}format" not in archive.headers:
+        raise FormatError(
+            "expected the arrays of mograft (`format`), AMASS (`poses`, `trans`) or Kimodo "
+            "(`posed_joints`, `global_rot_mats`), got "
+            f"{join_names(sorted(archive.headers)) or 'no arrays'}",
+            archive.path,
+        )
+    given = str(archive.read("format", (), "U", "text"))
+    if given != _FORMAT:
+        raise archive.error("format", f"expected {_FORMAT}, got {given}")
     (n_joints,) = archive.header("names", ("n_joints",)).shape
     (n_sites,) = archive.header("end_parents", ("n_end_sites",)).shape
     n_frames = archive.header("rotations", ("n_frames", n_joints, 4)).shape[0]
