@@ -4,6 +4,7 @@ A module has `mutate(seed)`, the damaged file; `check(seed, folder)`, which read
 number of motions that were read; and, if some failed in earlier versions, `SEEDS` that tests run.
 """
 
+import random
 import resource
 import time
 from contextlib import contextmanager
@@ -47,6 +48,15 @@ def change_words(data, rng, words):
     else:
         parts[one] = rng.choice(words)
     return separator.join(parts)
+
+
+def damage(seed, files, words):
+    """Return the name and the content of one of the files, with one to five random changes."""
+    rng = random.Random(seed)
+    name, data = rng.choice(list(files.items()))
+    for _ in range(rng.choice([1, 1, 2, 5])):
+        data = rng.choice([change_bytes, change_words])(data, rng, words)
+    return name, data
 
 
 @contextmanager

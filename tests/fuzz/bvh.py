@@ -1,19 +1,18 @@
 """Damaged BVH texts.
 
-Each text is a small valid file with one to six random changes. Within 5 seconds, reading must
+Each text is a small valid file with one to five random changes. Within 5 seconds, reading must
 return a motion of finite numbers that can be written and read again, or raise a `BvhError` with a
 position. The result must not depend on the chunk size.
 """
 
 import io
-import random
 from unittest.mock import patch
 
 import numpy as np
 
 import mograft as mg
 from mograft.io.bvh import reader
-from tests.fuzz import change_bytes, change_words, limits, outcome
+from tests.fuzz import damage, limits, outcome
 from tests.io import bvh_helpers
 
 TEXT = bvh_helpers.TEXT.replace("JOINT Spine", "JOINT Spine 1").replace("Site", "Site tip").encode()
@@ -27,17 +26,13 @@ TOKENS = [
 ]  # fmt: skip
 
 
+FILES = {end: TEXT.replace(b"\n", end) for end in (b"\n", b"\r\n", b"\r", b" \n\n")}
+FILES[b"UTF-16"] = TEXT.decode().encode("utf-16")
+
+
 def mutate(seed):
     """Return a damaged text."""
-    rng = random.Random(seed)
-    text = TEXT
-    if rng.random() < 0.3:
-        text = text.replace(b"\n", rng.choice([b"\r\n", b"\r", b" \n\n"]))
-    for _ in range(rng.randint(1, 6)):
-        text = rng.choice([change_bytes, change_words])(text, rng, TOKENS)
-    if rng.random() < 0.05:
-        text = text.decode("latin-1").encode("utf-16")
-    return text
+    return damage(seed, FILES, TOKENS)[1]
 
 
 def check(seed, folder=None):  # noqa: ARG001 - the other formats need a folder
@@ -48,7 +43,7 @@ def check(seed, folder=None):  # noqa: ARG001 - the other formats need a folder
     with patch.object(reader, "CHUNK_BYTES", 37):
         chunked = outcome(mg.read_bvh, io.BytesIO(text))
     if isinstance(whole, mg.BvhError):
-        assert f"<stream>:{whole.line}:{whole.column}: expected " in str(whole), whole
+        assert str(whole).startswith(f"<stream>:{whole.line}:{whole.column}: "), whole
         assert str(chunked) == str(whole)
         return False
     assert np.isfinite(whole.channel_values).all()

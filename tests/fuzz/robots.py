@@ -4,7 +4,6 @@ Within 5 seconds, reading must return a model, or a motion that can be written, 
 `FormatError` with the path.
 """
 
-import random
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 
 from mograft import FormatError, Motion, formats
 from mograft.io.formats import read
-from tests.fuzz import change_bytes, limits, outcome
+from tests.fuzz import damage, limits, outcome
 from tests.io.robot_files import random_robot, to_urdf, write_walks
 
 _WORDS = (
@@ -40,12 +39,8 @@ def valid_files():
 
 
 def mutate(seed):
-    """Return the name and the bytes of a damaged file."""
-    rng = random.Random(seed)
-    name, data = rng.choice(list(valid_files()[1].items()))
-    for _ in range(rng.choice([0, 1, 1, 2, 5])):
-        data = change_bytes(data, rng, _WORDS)
-    return name, data
+    """Return the name and the content of a damaged file."""
+    return damage(seed, valid_files()[1], _WORDS)
 
 
 def check(seed, folder):
