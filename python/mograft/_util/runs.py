@@ -16,6 +16,20 @@ def find_runs(mask: BoolArray) -> IntArray:
     return np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
 
 
+def extend_runs(mask: BoolArray, allowed: BoolArray) -> BoolArray:
+    """Return a new mask in which each run extends over adjacent positions that are allowed.
+
+    Examples
+    --------
+    >>> extend_runs(np.array([0, 1, 0, 0], bool), np.array([0, 0, 1, 0], bool)).tolist()
+    [False, True, True, False]
+    """
+    extended = mask.copy()
+    for start, stop in find_runs(allowed | mask).tolist():
+        extended[start:stop] |= mask[start:stop].any()
+    return extended
+
+
 def dilate(mask: BoolArray, steps: int = 1) -> BoolArray:
     """Return a new mask that also marks `steps` neighbours on either side of marked positions.
 

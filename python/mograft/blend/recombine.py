@@ -7,7 +7,7 @@ import numpy as np
 
 from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, as_floats, as_quaternions
-from mograft._util.runs import find_runs
+from mograft._util.runs import extend_runs, find_runs
 from mograft.analysis.channel_groups import ChannelKey, euler_angles
 from mograft.motion import rotations
 from mograft.motion.limits import MAX_COORDINATE
@@ -150,7 +150,7 @@ def splice(
     carry the body: they are not compared, and are those of `after` in all frames from the start of
     the first range.
     """
-    is_new = _grow(is_new, _is_near(before, after, height, moving))
+    is_new = extend_runs(is_new, ~_is_near(before, after, height, moving))
     changed = np.flatnonzero(is_new)
     if not len(changed):
         return replace(before, name=after.name)
@@ -189,14 +189,6 @@ def _is_near(before: Motion, after: Motion, height: float, moving: Collection[in
     is_near: BoolArray = (chords <= 2.0 * np.sin(MAX_ANGLE / 4.0)).all(axis=1)
     is_near &= (shifts <= _MAX_SHIFT * height).all(axis=1)
     return is_near
-
-
-def _grow(is_new: BoolArray, is_near: BoolArray) -> BoolArray:
-    """Extend each range of `is_new` over the adjacent frames that `is_near` does not mark."""
-    grown = is_new.copy()
-    for start, stop in find_runs(~is_near).tolist():
-        grown[start:stop] |= is_new[max(start - 1, 0) : stop + 1].any()
-    return grown
 
 
 def _with_signs(before: Motion, after: Motion, is_new: BoolArray) -> FloatArray:

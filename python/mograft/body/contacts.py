@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray
-from mograft._util.runs import find_runs
+from mograft._util.runs import extend_runs, find_runs
 from mograft._util.validate import check_type
 from mograft.body.anatomy import anatomy, highest_of_part
 from mograft.body.mass import mass_model, mean_world_positions, up_axis
@@ -77,7 +77,7 @@ def detect_contacts(motion: Motion) -> BoolArray:
     slides = low & (speed < SLIDING_SPEED)
     for leg, point in np.ndindex(stands.shape[1:]):
         runs_kept = _remove_short_runs(stands[:, leg, point], motion.rate)
-        stands[:, leg, point] = _extend_runs(runs_kept, slides[:, leg, point])
+        stands[:, leg, point] = extend_runs(runs_kept, slides[:, leg, point])
     return stands
 
 
@@ -219,11 +219,3 @@ def _remove_short_runs(marked: BoolArray, rate: float) -> BoolArray:
     for start, stop in find_runs(kept):
         kept[start:stop] &= stop - start >= round(_MIN_CONTACT_SECONDS * rate)
     return kept
-
-
-def _extend_runs(marked: BoolArray, allowed: BoolArray) -> BoolArray:
-    """Return a mask in which each run of marked frames extends over adjacent allowed frames."""
-    extended = marked.copy()
-    for start, stop in find_runs(allowed | marked):
-        extended[start:stop] |= marked[start:stop].any()
-    return extended
