@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from mograft import Skeleton
+from mograft import EndSite, Skeleton
 from mograft.body.capsules import Capsules, box_clearance, capsules, clearance
 from mograft.motion import rotations
 from tests.oracles.capsules import capsule_distances
@@ -100,8 +100,9 @@ def test_capsule_ends_follow_joint_and_rotated_bone(seed, joints):
 def test_capsules_hand_covers_fingers():
     names = ["Hips", "LeftUpLeg", "LeftArm", "LeftForeArm", "LeftHand", "LeftHandIndex1"]
     offsets = [[0, 0, 0], [9, -5, 0], [20, 50, 0], [30, 0, 0], [25, 0, 0], [9, 0, 0]]
-    body = capsules(Skeleton(names, [-1, 0, 0, 2, 3, 4], offsets))
+    tip = EndSite(5, (2, 1, 0))
+    body = capsules(Skeleton(names, [-1, 0, 0, 2, 3, 4], offsets, end_sites=[tip]))
     assert (body.radii > 0).all()
     assert body.joints.tolist() == [0, 1, 2, 3, 4]
     assert "finger" not in body.parts
-    np.testing.assert_allclose(body.bones[body.parts.index("hand")], [9, 0, 0])
+    np.testing.assert_allclose(body.bones[body.parts.index("hand")], [11, 1, 0])
