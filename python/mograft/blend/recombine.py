@@ -131,13 +131,9 @@ def _replace_channels(
         return
     turned = np.where(changed[:, None], rotations.from_euler(new, order), base.rotations[:, joint])
     quats[:, joint] = rotations.continuous_signs(turned)
-    if values is None:
-        return
-    for index, name in zip(skeleton.channel_columns[joint], skeleton.channels[joint], strict=True):
-        if name.endswith("rotation"):
-            angle = order.index(name[0])
-            is_kept = new[:, angle] == given[:, angle]
-            values[:, index] = np.where(is_kept, values[:, index], np.degrees(new[:, angle]))
+    if values is not None:
+        columns = skeleton.rotation_columns[joint]
+        values[:, columns] = np.where(new == given, values[:, columns], np.degrees(new))
 
 
 def splice(
