@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mograft import read_bvh
 from mograft.cli.syntax import values
-from mograft.cli.syntax.values import frame, frames, resolve_frame, resolve_frames
+from mograft.cli.syntax.values import frame, frames, resolve_frames
 
 NUMBERS = st.integers(0, 10**6)
 RATES = st.floats(1, 1000)
@@ -17,8 +17,8 @@ RATES = st.floats(1, 1000)
 
 @given(NUMBERS, RATES)
 def test_time_of_a_frame_resolves_to_the_frame(number, rate):
-    assert resolve_frame(frame(f"{number / rate:.9f}s"), rate) == number
-    assert resolve_frame(frame(str(number)), rate) == number
+    assert resolve_frames(frame(f"{number / rate:.9f}s"), rate) == number
+    assert resolve_frames(frame(str(number)), rate) == number
 
 
 @given(NUMBERS, NUMBERS, st.sampled_from(["", "s"]))

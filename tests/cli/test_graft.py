@@ -315,7 +315,7 @@ def test_graft_obstacle_at_kept_joints_ends_before_the_search(run, folder, monke
         raise AssertionError("the search started")
 
     for name in ("repair", "graft_many"):
-        monkeypatch.setattr(f"mograft.cli.actions.graft.{name}", search)
+        monkeypatch.setattr(f"mograft.{name}", search)
     clip = read_bvh(folder / "a.bvh")
     _, positions = clip.world_transforms()
     foot = ",".join(f"{value:.3f}" for value in positions[100, clip.skeleton.index("LeftFoot")])

@@ -12,11 +12,12 @@ import sys
 import warnings
 from collections.abc import Sequence
 
+from mograft import FormatError, MograftError, ProvenanceError
 from mograft.cli.output import escape_output, print_error, print_remark, set_quiet, with_flags
 from mograft.cli.syntax.arguments import Command, Options, UsageError
 from mograft.cli.syntax.commands import COMMANDS
 from mograft.cli.syntax.parser import parse
-from mograft.errors import FormatError, MograftError, ProvenanceError, suggest_path
+from mograft.errors import suggest_path
 
 __all__ = ["COMMANDS", "main"]
 

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+import mograft as mg
+from mograft import constraints
 from mograft._util.arrays import IntArray
 from mograft._util.documents import read_document
 from mograft._util.names import automatic_number, is_automatic
-from mograft.body.groups import JointGroups
 from mograft.cli.files import expand_folders, library_folder
 from mograft.cli.output import print_remark, show_progress
-from mograft.cli.syntax import values
 from mograft.cli.syntax.arguments import Options, UsageError
 from mograft.cli.syntax.options import (
     DEFAULT_DURATION,
@@ -23,28 +23,20 @@ from mograft.cli.syntax.options import (
     LibraryOptions,
     SkeletonOptions,
 )
-from mograft.config import Config, scale_of_variety
+from mograft.cli.syntax.values import PRESETS, Range, resolve_frames
+from mograft.config import scale_of_variety
 from mograft.config_text import parse_fields
 from mograft.io.formats import open_clips, read_clip, split_address
 from mograft.io.robots.model import read_model
-from mograft.library.build import discover_groups
 from mograft.library.derive import BUILD_STAGES
 from mograft.library.ingest_run import MISMATCH_REMEDY, IngestOptions
-from mograft.library.library import Library
-from mograft.motion.motion import Motion
-from mograft.motion.skeleton import Skeleton
 from mograft.scenario import Scenario, fill, follow, to_beats, transitions, walk
 from mograft.scenario.walks import check_duration
-from mograft.search import donor_constraints
-from mograft.search.constraints import Constraint
-from mograft.search.donor_constraints import Ban, KeepOriginal, Use
-from mograft.search.figure_position import FigurePosition
-from mograft.search.obstacles import Box, Capsule, Character, HalfSpace, Obstacle, Sphere
-from mograft.search.pose_constraints import Avoid, AvoidSelf, Face, Reach
+from mograft.search.obstacles import Obstacle
 
 _MAX_EXCLUDED = 3  # clips whose reasons are stated without --verbose
 
-FIXED_OPTIONS = ("groups", "preset", "match", "skeleton", "model")
+FIXED_OPTIONS = ("groups", "preset", "match", "skeleton", "model", "rate")
 """Options that can only be set when a library is created."""
 
 _GRAPH_OPTIONS = ("duration", "length", "path", "beats", "among")
@@ -58,11 +50,14 @@ _CONFLICTS = {
 """Options that cannot be combined."""
 
 _SHAPES: Mapping[str, Callable[..., Obstacle]] = {
-    **{"sphere": Sphere, "capsule": Capsule, "box": Box, "wall": HalfSpace}
+    "sphere": constraints.Sphere,
+    "capsule": constraints.Capsule,
+    "box": constraints.Box,
+    "wall": constraints.HalfSpace,
 }
 """The shapes of ``--avoid``, which are made of their points and a radius, if they have one."""
 
-_FIXED_FIELDS = Config.fields_of(*BUILD_STAGES)
+_FIXED_FIELDS = mg.Config.fields_of(*BUILD_STAGES)
 """Fields of `Config` that can only be set when a library is created."""
 
 
@@ -94,7 +89,7 @@ def refuse_fixed_options(options: Options, *names: str) -> None:
 
 def load_library(
     options: LibraryOptions, *, rate: float | None = None, strict: bool = True
-) -> Library:
+) -> mg.Library:
     """Open the library that is given to a command; without one, build it from the motion files.
 
     The motions of motion files are resampled to `rate` frames per second, if it is given. `strict`
@@ -102,8 +97,8 @@ def load_library(
     """
     folder = library_folder(options.files)
     if folder is not None:
-        refuse_fixed_options(options, *(["rate"] if rate is not None else []), *FIXED_OPTIONS)
-        library = Library.open(folder)
+        refuse_fixed_options(options, *FIXED_OPTIONS)
+        library = mg.Library.open(folder)
         config = _with_options(library.config, options, is_stored=True)
         return library if config == library.config else library.relabelled(config)
     files = expand_folders(options.files, include_grafts=options.include_grafts)
@@ -113,12 +108,9 @@ def load_library(
         base = _base_address(getattr(options, "base", None), files)
         hierarchy = read_clip(base, skeleton=skeleton).skeleton
     with show_progress() as progress:
-        clips: Sequence[Motion | str] = files
-        if rate is not None:
-            clips = [read_clip(file, skeleton=skeleton).resample(rate) for file in files]
         more: IngestOptions = {"match": options.match or "names", "hierarchy": hierarchy}
-        more |= {"skeleton": skeleton, "progress": progress}
-        library = Library.build(clips, groups, config, strict=strict, **more)
+        more |= {"skeleton": skeleton, "rate": rate, "progress": progress}
+        library = mg.Library.build(files, groups, config, strict=strict, **more)
     for line in describe_excluded(library.refused, options):
         print_remark(line)
     return library
@@ -155,7 +147,7 @@ def _base_address(base: str | None, files: Sequence[str]) -> str:
     return files[0]  # the command reports an unknown name
 
 
-def selected_skeleton(options: SkeletonOptions) -> Skeleton | None:
+def selected_skeleton(options: SkeletonOptions) -> mg.Skeleton | None:
     """Return the rest pose or the robot that ``--skeleton`` or ``--model`` names, or None."""
     name = options.skeleton
     if options.model is not None:
@@ -172,41 +164,43 @@ def selected_skeleton(options: SkeletonOptions) -> Skeleton | None:
     return None if name is None else open_clips(name)[0].skeleton
 
 
-def selected_groups(given: str | None) -> JointGroups | str:
+def selected_groups(given: str | None) -> mg.JointGroups | str:
     """Return what ``--groups`` selects: a preset, automatic groups, or the groups of a TOML file.
 
     A preset is returned as its name, automatic groups as ``auto`` or ``auto:N``.
     """
     name = given or "lower_upper"
-    is_file = name not in values.PRESETS and not is_automatic(name)
-    return JointGroups.from_toml(Path(name)) if is_file else name
+    is_file = name not in PRESETS and not is_automatic(name)
+    return mg.JointGroups.from_toml(Path(name)) if is_file else name
 
 
 def figure_settings(
     options: SkeletonOptions, files: Sequence[str]
-) -> tuple[JointGroups | str | None, Config, Skeleton | None]:
+) -> tuple[mg.JointGroups | str | None, mg.Config, mg.Skeleton | None]:
     """Return the groups for the colours of figures, the configuration, and the rest pose.
 
     The groups are those of ``--groups``, None if it is not given. Automatic groups are discovered
     in `files`.
     """
-    config = selected_config(options) if isinstance(options, FieldOptions) else Config()
+    config = selected_config(options) if isinstance(options, FieldOptions) else mg.Config()
     skeleton, given = selected_skeleton(options), getattr(options, "groups", None)
     groups = None if given is None else selected_groups(given)
     if isinstance(groups, str) and is_automatic(groups):
         n = automatic_number(groups)
-        found = discover_groups(files, n, config=config, include_grafts=True, skeleton=skeleton)
+        found = mg.discover_groups(files, n, config=config, include_grafts=True, skeleton=skeleton)
         groups = found.groups
     return groups, config, skeleton
 
 
-def selected_config(options: FieldOptions) -> Config:
+def selected_config(options: FieldOptions) -> mg.Config:
     """Return the configuration that ``--preset`` selects, with the values of other options."""
     sigma = {"paper": "literal", "paper-rms": "rms"}.get(getattr(options, "preset", None) or "")
-    return _with_options(Config.paper(sigma=sigma) if sigma else Config(), options)
+    return _with_options(mg.Config.paper(sigma=sigma) if sigma else mg.Config(), options)
 
 
-def _with_options(config: Config, options: FieldOptions, *, is_stored: bool = False) -> Config:
+def _with_options(
+    config: mg.Config, options: FieldOptions, *, is_stored: bool = False
+) -> mg.Config:
     """Return a configuration with the values of the options.
 
     For a stored library, fields of the configuration file on which segments depend are ignored.
@@ -221,7 +215,7 @@ def _with_options(config: Config, options: FieldOptions, *, is_stored: bool = Fa
             fields["segmentation"] = read_document(Path(path))
         if isinstance(options, ConstraintOptions):
             fields = _with_limits(config, fields, options)
-        return Config.from_dict(config.as_dict() | fields)
+        return mg.Config.from_dict(config.as_dict() | fields)
     except (TypeError, ValueError) as error:
         raise UsageError(f"--set: {error}") from None
 
@@ -239,7 +233,7 @@ def _with_variety(
 
 
 def _with_limits(
-    config: Config, fields: dict[str, Any], options: ConstraintOptions
+    config: mg.Config, fields: dict[str, Any], options: ConstraintOptions
 ) -> dict[str, Any]:
     """Return fields of which ``--max-stretch`` and ``--max-angle`` raise the limits.
 
@@ -252,44 +246,44 @@ def _with_limits(
     return fields
 
 
-def read_constraints(options: ConstraintOptions, rate: float) -> list[Constraint]:
+def read_constraints(options: ConstraintOptions, rate: float) -> list[constraints.Constraint]:
     """Return the constraints that the options describe; `rate` is in frames per second.
 
     Raise UsageError if an obstacle is invalid.
     """
-    found: list[Constraint] = [*read_obstacles(options.avoid, rate)]
+    found: list[constraints.Constraint] = [*read_obstacles(options.avoid, rate)]
     if options.avoid_self:
-        found.append(AvoidSelf())
+        found.append(constraints.AvoidSelf())
     for within, joint, part, place, tolerance in options.reach:
-        target = place if part is None else FigurePosition(part, place)
-        found.append(
-            Reach(joint, target, tolerance=tolerance, frames=values.resolve_frames(within, rate))
-        )
-    found += [Face(target, frames=values.resolve_span(span, rate)) for target, span in options.face]
-    found += [KeepOriginal(frames=values.resolve_frames(span, rate)) for span in options.keep]
-    for kind, given in ((Use, options.take), (Ban, options.ban)):
-        for (number, span, group), donor in given:
-            frames, chosen = values.resolve_span(span, rate), values.resolve_donor(donor, rate)
-            found.append(kind(number, chosen, frames=frames, group=group))
+        target = place if part is None else constraints.FigurePosition(part, place)
+        frames = resolve_frames(within, rate)
+        found.append(constraints.Reach(joint, target, tolerance=tolerance, frames=frames))
+    found += [
+        constraints.Face(target, frames=resolve_frames(span, rate)) for target, span in options.face
+    ]
+    found += [constraints.KeepOriginal(frames=span) for span in resolve_frames(options.keep, rate)]
+    for kind, given in ((constraints.Use, options.take), (constraints.Ban, options.ban)):
+        for (number, span, group), donor in resolve_frames(given, rate):
+            found.append(kind(number, donor, frames=span, group=group))
     for selector, clips, tags in (
-        (donor_constraints.OnlyFrom, options.only_from, options.only_tagged),
-        (donor_constraints.NotFrom, options.not_from, options.not_tagged),
+        (constraints.OnlyFrom, options.only_from, options.only_tagged),
+        (constraints.NotFrom, options.not_from, options.not_tagged),
     ):
         if clips is not None or tags is not None:
             found.append(selector(clips or (), tags=tags or ()))
     if options.max_stretch is not None:
-        found.append(donor_constraints.MaxStretch(options.max_stretch))
+        found.append(constraints.MaxStretch(options.max_stretch))
     if options.max_angle is not None:
-        found.append(donor_constraints.MaxAngle(math.radians(options.max_angle)))
+        found.append(constraints.MaxAngle(math.radians(options.max_angle)))
     return found
 
 
 def read_obstacles(
-    given: Sequence[tuple[str, tuple[float, ...], values.Range | None]], rate: float
-) -> list[Avoid]:
+    given: Sequence[tuple[str, tuple[float, ...], Range | None]], rate: float
+) -> list[constraints.Avoid]:
     """Return the constraints that ``--avoid`` describes; see `read_constraints`."""
     return [
-        Avoid(_read_obstacle(kind, numbers), frames=values.resolve_span(span, rate))
+        constraints.Avoid(_read_obstacle(kind, numbers), frames=resolve_frames(span, rate))
         for kind, numbers, span in given
     ]
 
@@ -302,7 +296,9 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
     """
     points, rest = [numbers[k : k + 3] for k in range(0, len(numbers) - 2, 3)], numbers[-1]
     if kind not in _SHAPES:
-        return Character(read_clip(kind), (numbers[0], numbers[1], numbers[2]), math.radians(rest))
+        return constraints.Character(
+            read_clip(kind), (numbers[0], numbers[1], numbers[2]), math.radians(rest)
+        )
     try:
         return _SHAPES[kind](*points, *([rest] * (len(numbers) % 3)))
     except ValueError as error:
@@ -324,7 +320,7 @@ def check_combinations(options: GraftOptions) -> None:
                 raise UsageError(f"--{names[other]} cannot be combined with --{names[name]}{hint}")
 
 
-def read_scenario(library: Library, options: GraftOptions) -> IntArray | Scenario | None:
+def read_scenario(library: mg.Library, options: GraftOptions) -> IntArray | Scenario | None:
     """Return the base segments that ``--scenario`` selects, or None for a captured clip."""
     if options.scenario == "original":
         return None
@@ -333,7 +329,7 @@ def read_scenario(library: Library, options: GraftOptions) -> IntArray | Scenari
     graph = transitions(library, options.among)
     if options.length is not None:
         is_time = isinstance(options.length, float)
-        n_frames = values.resolve_frame(options.length, library.rate) + is_time
+        n_frames = resolve_frames(options.length, library.rate) + is_time
         return fill(library, n_frames, seed, graph=graph)
     if options.path is not None:
         return follow(library, options.path, graph=graph)

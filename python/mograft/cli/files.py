@@ -6,14 +6,13 @@ import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from mograft import Library, Motion
 from mograft._util.names import find_matches
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.values import Range, resolve_frames
 from mograft.errors import join_names, suggest_frames
 from mograft.io.formats import split_address
 from mograft.library.discover import FoundClip, exclude_grafts, find_clips, scan_folder
-from mograft.library.library import Library
-from mograft.motion.motion import Motion
 
 _MAX_SHOWN_CLIPS = 12
 _EXPORTED = (".glb", ".usd", ".usda", ".usdc", ".mp4", ".gif", ".npz", ".csv")

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from mograft import Graft, Library, report_page
 from mograft._util.names import portable_stem
 from mograft.cli.files import check_suffix, check_writable, library_folder
 from mograft.cli.output import print_error, print_remark
@@ -14,12 +15,9 @@ from mograft.cli.syntax.arguments import Options, UsageError
 from mograft.cli.syntax.options import GraftOptions
 from mograft.evaluation.robot_checks import feasible_limits, robot_checks
 from mograft.io.formats import SUFFIXES, split_address
-from mograft.library.library import Library
 from mograft.provenance.graft_record import read_record
 from mograft.provenance.writing import MOTION_SUFFIXES, files_of_graft
-from mograft.synthesis.graft_result import Graft
 from mograft.viewing.page import open_file
-from mograft.viewing.report import report_page
 
 _MAX_EXCESS = 1e-6  # of a check; less is rounding
 

@@ -3,17 +3,16 @@
 import math
 from typing import Any
 
+from mograft import Candidate, Candidates, Library, candidates
 from mograft.cli.configuration import load_library, read_constraints
 from mograft.cli.files import has_folder
 from mograft.cli.output import print_result
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.options import CandidatesOptions
-from mograft.cli.syntax.values import resolve_frame
+from mograft.cli.syntax.values import resolve_frames
 from mograft.errors import suggest_frames
-from mograft.library.library import Library
 from mograft.search.donor_constraints import limit_config
 from mograft.search.neighbourhoods import NEIGHBOURHOODS
-from mograft.solve.candidates import Candidate, Candidates, candidates
 
 
 def run(options: CandidatesOptions) -> int:
@@ -59,7 +58,7 @@ def _find_segment(library: Library, options: CandidatesOptions) -> tuple[int, in
     if number is None:
         assert options.frame is not None
         stops = library.segments.stop[segments]
-        frame = resolve_frame(options.frame, library.rate)
+        frame = resolve_frames(options.frame, library.rate)
         if frame > stops[-1]:
             where = f"{stops[-1]} ({stops[-1] / library.rate:.6g} s) in {library.names[clip]}"
             hint = suggest_frames((frame, frame), int(stops[-1]))

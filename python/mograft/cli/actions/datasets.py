@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from mograft import InsufficientDataError, Library, Motion, view
 from mograft._util.atomic import write_bytes
 from mograft._util.workers import worker_processes
 from mograft.cli import configuration
@@ -22,11 +23,9 @@ from mograft.datasets.finding import Hit, find
 from mograft.datasets.measuring import measure
 from mograft.datasets.splits import Part
 from mograft.datasets.writing import write
-from mograft.errors import InsufficientDataError, join_names
+from mograft.errors import join_names
 from mograft.io.formats import read_clip, split_address
-from mograft.library.library import Library
-from mograft.motion.motion import Motion
-from mograft.viewing.page import temporary_path, view
+from mograft.viewing.page import temporary_path
 
 
 def run_augment(options: AugmentOptions) -> int:

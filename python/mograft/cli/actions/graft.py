@@ -11,33 +11,23 @@ from typing import Any
 
 import numpy as np
 
+import mograft as mg
 from mograft.cli import configuration, files, graft_files
 from mograft.cli.output import print_error, print_remark, print_result, show_progress, with_flags
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import DemoOptions
 from mograft.cli.syntax.options import GraftOptions
-from mograft.cli.syntax.values import resolve_donor, resolve_frame
-from mograft.config import Config
+from mograft.cli.syntax.values import resolve_frames
 from mograft.config_text import parse_fields
 from mograft.dancer import dance
-from mograft.io.bvh.writer import write_bvh
 from mograft.io.formats import find_addresses, read_clip, split_address
-from mograft.library.library import Library
-from mograft.motion.motion import Motion
-from mograft.provenance.document import graft_record
-from mograft.provenance.graft_change import change
-from mograft.provenance.graft_edit import describe_changes, edit
+from mograft.provenance.graft_edit import describe_changes
 from mograft.provenance.graft_record import find_whole_library, read_record
-from mograft.provenance.replay import replay
-from mograft.provenance.writing import MOTION_SUFFIXES, write_graft
-from mograft.search.constraints import Constraint
-from mograft.search.donor_constraints import KeepOriginal
+from mograft.provenance.writing import MOTION_SUFFIXES
 from mograft.search.pose_constraints import anchor_reaches
 from mograft.solve.candidates import count_combinations
-from mograft.synthesis.advice import advise, find_remedies
-from mograft.synthesis.graft import graft_many, kept_violations, repair
-from mograft.synthesis.graft_result import Graft, Substitution
-from mograft.synthesis.newness import newness
+from mograft.synthesis.advice import find_remedies
+from mograft.synthesis.graft import kept_violations
 
 _MAX_REPORTED = 20
 """Maximum number of grafts on a report page, and of earlier motions with which one is compared.
@@ -94,7 +84,7 @@ def run(options: GraftOptions) -> int:
         raise UsageError(f"--model requires motions of a robot, such as .csv; got {first}")
     constraints = configuration.read_constraints(options, library.rate)
     if options.change:
-        constraints.append(KeepOriginal())
+        constraints.append(mg.constraints.KeepOriginal())
     if options.mirror:
         library = library.with_mirror_images()
     base = _find_base(library, options.base, folder)
@@ -158,17 +148,17 @@ def _run_replay(options: GraftOptions) -> int:
     page = paths[0].with_suffix(".html")
     graft_files.check_targets(paths, options, page=page if options.report else None)
     folder = files.library_folder(options.files)
-    library = None if folder is None else Library.open(folder)
+    library = None if folder is None else mg.Library.open(folder)
     sources = options.files if library is None else ()
     if is_edit and library is None:
         library = find_whole_library(record, sources)
     config = None
     if options.set:
-        config = Config.from_dict(record.config.as_dict() | parse_fields(options.set))
-        fixed = set(dict(options.set)) - set(Config.fields_of("blend"))
+        config = mg.Config.from_dict(record.config.as_dict() | parse_fields(options.set))
+        fixed = set(dict(options.set)) - set(mg.Config.fields_of("blend"))
         if fixed:
             raise UsageError(f"--set {min(fixed)} cannot be combined with --from, which gives it")
-    grafts = [replay(source, library, sources=sources, config=config)]
+    grafts = [mg.replay(source, library, sources=sources, config=config)]
     if is_edit:
         grafts = _edit(grafts[0], options)
         if _are_refused(grafts, options):
@@ -179,13 +169,13 @@ def _run_replay(options: GraftOptions) -> int:
     return 0
 
 
-def _edit(graft: Graft, options: GraftOptions) -> list[Graft]:
+def _edit(graft: mg.Graft, options: GraftOptions) -> list[mg.Graft]:
     """Return the versions of a graft with the edits and changes that the options describe."""
     rate = graft.base.rate
     edits = anchor_reaches(configuration.read_constraints(options, rate), graft.motion)
     edited = graft
     if edits:
-        edited = edit(graft, *edits, seed=options.seed)
+        edited = mg.edit(graft, *edits, seed=options.seed)
         command = shlex.join(options.words)
         commands = (*graft.request.edit_commands, command)
         edited = replace(edited, request=replace(edited.request, edit_commands=commands))
@@ -194,29 +184,29 @@ def _edit(graft: Graft, options: GraftOptions) -> list[Graft]:
     return versions
 
 
-def _change(graft: Graft, options: GraftOptions) -> list[Graft]:
+def _change(graft: mg.Graft, options: GraftOptions) -> list[mg.Graft]:
     """Return ``-n`` versions of a graft with the changes of ``--change``, fewer if donors lack.
 
     Version k has in each range the part of the k-th lowest cost, or the last one that there is.
     """
     if not options.change:
         return [graft]
-    rate, versions = graft.base.rate, list[Graft]()
+    rate, versions = graft.base.rate, list[mg.Graft]()
     best = [0] * len(options.change)
     for rank in range(options.count):
         changed, is_new = graft, rank == 0
         for index, (group, span, donor) in enumerate(options.change):
-            first, chosen = resolve_frame(span[0], rate), resolve_donor(donor, rate)
+            (first, last), chosen = resolve_frames((span, donor), rate)
             end = max(graft.motion.n_frames - 1, first + 1)  # a range that begins later is refused
-            frames = first, end if span[1] is None else resolve_frame(span[1], rate)
+            frames = first, end if last is None else last
             try:
-                changed = change(changed, group, frames, chosen, rank=rank)
+                changed = mg.change(changed, group, frames, chosen, rank=rank)
                 best[index], is_new = rank, is_new or not isinstance(chosen, tuple)
             except ValueError as error:
                 if not versions:
                     message = re.sub(r"`(group|frames|donor)`", r"the \1 of --change", str(error))
                     raise ValueError(message) from None
-                changed = change(changed, group, frames, chosen, rank=best[index])
+                changed = mg.change(changed, group, frames, chosen, rank=best[index])
         if not is_new:
             print_remark(
                 f"warning: {rank} of {options.count} motions are written: there are no other parts "
@@ -233,7 +223,9 @@ def _change(graft: Graft, options: GraftOptions) -> list[Graft]:
     return versions
 
 
-def _find_base(library: Library, name: str | None, folder: Path | None) -> Motion | str | None:
+def _find_base(
+    library: mg.Library, name: str | None, folder: Path | None
+) -> mg.Motion | str | None:
     """Return the base motion that ``--base`` selects.
 
     The result is the name of a clip of the library, a motion read from the file `name`, or None
@@ -259,19 +251,19 @@ def _find_base(library: Library, name: str | None, folder: Path | None) -> Motio
 
 
 def _make_grafts(
-    library: Library,
-    base: Motion | str | None,
-    constraints: Sequence[Constraint],
+    library: mg.Library,
+    base: mg.Motion | str | None,
+    constraints: Sequence[mg.constraints.Constraint],
     options: GraftOptions,
-) -> Sequence[Graft]:
+) -> Sequence[mg.Graft]:
     """Return the requested grafts."""
     scenario = configuration.read_scenario(library, options)
     if options.only_violations:
-        return [repair(library, base, constraints=constraints, swap=options.swap)]
+        return [mg.repair(library, base, constraints=constraints, swap=options.swap)]
     is_fixed = options.variety is not None or any(
         name == "sigma_scale" for name, _ in (*options.set, *options.configured)
     )
-    grafts = graft_many(
+    grafts = mg.graft_many(
         library,
         base,
         1 if options.change else options.count,
@@ -288,7 +280,7 @@ def _make_grafts(
     return [grafts[0]] if len(grafts) == 1 else grafts
 
 
-def _are_refused(grafts: Sequence[Graft], options: GraftOptions) -> bool:
+def _are_refused(grafts: Sequence[mg.Graft], options: GraftOptions) -> bool:
     """Print the constraints that each graft violates; return whether grafts must not be written.
 
     They are written in spite of violations with ``--best-effort``.
@@ -315,12 +307,12 @@ def _are_refused(grafts: Sequence[Graft], options: GraftOptions) -> bool:
 
 
 def _write_results(
-    grafts: Sequence[Graft], paths: Sequence[Path], page: Path, options: GraftOptions
+    grafts: Sequence[mg.Graft], paths: Sequence[Path], page: Path, options: GraftOptions
 ) -> None:
     """Write grafts and the page that describes them, and print their paths and remarks."""
     paths[0].parent.mkdir(parents=True, exist_ok=True)
     is_together = paths[0].suffix.lower() not in (".bvh", ".csv")
-    reference, motions, kept = None, list[Motion](), list[Graft]()
+    reference, motions, kept = None, list[mg.Motion](), list[mg.Graft]()
     substitutions, sections, columns, documents = [], [], [], []
     n_near = 0
     if options.measure:
@@ -331,7 +323,7 @@ def _write_results(
     for path, graft in zip(paths, grafts, strict=False):
         own = graft if options.from_ else graft_files.with_command(graft, options, options.files)
         own = graft_files.renamed(own, options.as_)
-        new, section = newness(own, motions), dict[str, Any]()
+        new, section = mg.newness(own, motions), dict[str, Any]()
         n_near += new.apart is not None and np.degrees(new.apart) < _NEAR_DEGREES
         motions = [*motions, own.motion][-_MAX_REPORTED:] if len(paths) > 1 else []
         lines = [own.report(each=options.verbose), f"  {new}"]
@@ -342,9 +334,9 @@ def _write_results(
             text = ", ".join(f"{name} {text}" for name, text in columns[-1].items())
             measured = f"  {text}; ranges: parts of the base"
         if not is_together:
-            write_graft(own, path, [section], digits=options.digits)
+            mg.write_graft(own, path, [section], digits=options.digits)
         if options.json:
-            record = {**graft_record(own, path.parent), "digits": options.digits}
+            record = {**mg.graft_record(own, path.parent), "digits": options.digits}
             documents.append({"file": str(path), **record, **section, "newness": new.as_dict()})
         print_remark("\n".join(lines))
         if reference is not None:
@@ -357,7 +349,7 @@ def _write_results(
             kept.append(own)
     if is_together:
         update = options.into is not None
-        names = write_graft(kept, paths[0], sections, update=update, force=options.force)
+        names = mg.write_graft(kept, paths[0], sections, update=update, force=options.force)
         kept = list(map(graft_files.renamed, kept, names))
         if not options.json:
             print(paths[0])
@@ -371,7 +363,10 @@ def _write_results(
 
 
 def _print_remarks(
-    last: Graft, substitutions: Sequence[Sequence[Substitution]], n_near: int, options: GraftOptions
+    last: mg.Graft,
+    substitutions: Sequence[Sequence[mg.Substitution]],
+    n_near: int,
+    options: GraftOptions,
 ) -> None:
     """Print how many motions are missing or near to others, and what was not exchanged.
 
@@ -391,7 +386,7 @@ def _print_remarks(
             f"warning: {n_near} of {n} motions differ from an earlier one by less than "
             f"{_NEAR_DEGREES:g}°; --distinct {2 * _NEAR_DEGREES:g} replaces them"
         )
-    advice = [] if options.change else advise(last, substitutions)
+    advice = [] if options.change else mg.advise(last, substitutions)
     for remark in [*remarks, *advice]:
         print_remark(with_flags(remark, options, is_advice=True))
 
@@ -411,13 +406,13 @@ def run_demo(options: DemoOptions) -> int:
 
     motion = dance(seed=options.seed or 0).motion
     folder.mkdir(parents=True, exist_ok=True)
-    write_bvh(motion, sample)
+    mg.write_bvh(motion, sample)
     describe(
         f"sample      {sample}: a procedural dancer, {motion.n_joints} joints, "
         f"{motion.n_frames} frames, {motion.duration:.0f} s"
     )
     with show_progress() as progress:
-        library = Library.build(sample, progress=progress)
+        library = mg.Library.build(sample, progress=progress)
     n = len(library.segments)
     clusters = {group: int(labels.max()) + 1 for group, labels in library.labels.items()}
     total = count_combinations(library.labels[library.groups.base], len(library.groups.names))
@@ -427,10 +422,10 @@ def run_demo(options: DemoOptions) -> int:
     describe(
         f"combinations {total} of legs and upper bodies, {total / n:.1f} times the {n} captured"
     )
-    grafts = list(graft_many(library, count=_N_DEMO_GRAFTS, seed=options.seed or 0))
+    grafts = list(mg.graft_many(library, count=_N_DEMO_GRAFTS, seed=options.seed or 0))
     paths = paths[: len(grafts)]
     for graft, path in zip(grafts, paths, strict=True):
-        write_graft(graft_files.with_command(graft, options, [str(sample)]), path)
+        mg.write_graft(graft_files.with_command(graft, options, [str(sample)]), path)
         new = sum(not s.is_own for s in graft.substitutions)
         describe(f"graft       {path}: {new} of {len(graft.substitutions)} upper bodies are new")
     graft_files.write_report(grafts, paths, page)

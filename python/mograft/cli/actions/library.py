@@ -4,6 +4,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from mograft import Library
 from mograft._util.workers import worker_processes
 from mograft.cli import configuration
 from mograft.cli.actions.live import relay
@@ -16,7 +17,6 @@ from mograft.library.clip_table import ClipInfo
 from mograft.library.duplicates import find_duplicates
 from mograft.library.export import export_tables
 from mograft.library.files import storage
-from mograft.library.library import Library
 from mograft.stream.server import ServerLimits, StreamServer, is_loopback
 from mograft.stream.session import PROTOCOL
 
@@ -27,7 +27,7 @@ def run_index(options: commands.IndexOptions) -> int:
     for name in options.files:
         refuse_library(name)
     if options.add:
-        fixed = (*configuration.FIXED_OPTIONS, "variety", "rate", "set", "force")
+        fixed = (*configuration.FIXED_OPTIONS, "variety", "set", "force")
         configuration.refuse_fixed_options(options, *fixed)
     elif not options.force and (options.output.is_file() or any(options.output.glob("*"))):
         raise FileExistsError(f"{options.output} exists; use --force to replace a library")

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from functools import partial
 
+from mograft import Library
 from mograft._util.signals import clean_up_by
 from mograft.cli.configuration import selected_skeleton
 from mograft.cli.files import shell_names
@@ -15,7 +16,6 @@ from mograft.cli.output import print_remark, print_result, write_control
 from mograft.cli.syntax.commands import PlayOptions, StreamOptions
 from mograft.errors import join_names
 from mograft.io.formats import find_addresses, read_clip
-from mograft.library.library import Library
 from mograft.stream.live import Receiver, Relay, Sender, play
 from mograft.stream.server import is_loopback
 from mograft.stream.vmc import Figure

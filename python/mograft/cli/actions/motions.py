@@ -5,50 +5,42 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import mograft as mg
 from mograft._util.arrays import IntArray
 from mograft._util.atomic import write_text
 from mograft._util.names import automatic_number, is_automatic
 from mograft._util.runs import find_runs
 from mograft.body.anatomy import anatomy
-from mograft.body.capsules import Poses
-from mograft.body.contacts import Ground, foot_skate, sliding_feet
-from mograft.body.faults import HARMLESS_FAULTS, find_faults
-from mograft.body.groups import JointGroups
+from mograft.body.contacts import Ground, sliding_feet
+from mograft.body.faults import HARMLESS_FAULTS
 from mograft.body.loops import is_loop
 from mograft.body.size import describe_sizes
 from mograft.cli.configuration import selected_skeleton
 from mograft.cli.files import check_suffix, check_writable, expand_folders, refuse_library
 from mograft.cli.output import print_error, print_result
 from mograft.cli.syntax.commands import CheckOptions, GroupsOptions, InfoOptions
-from mograft.errors import FormatError
 from mograft.evaluation.robot_checks import describe_checks, robot_checks
-from mograft.io.bvh.reader import read_bvh
-from mograft.io.clips import Clips
 from mograft.io.formats import find_format, join_address, open_clips, read_clip, split_address
-from mograft.library.build import discover_groups
 from mograft.library.discover import scan_folder
 from mograft.library.spec import describe_match
-from mograft.motion.motion import Motion
-from mograft.motion.skeleton import Skeleton
 from mograft.search.constraints import find_violations
-from mograft.search.pose_constraints import AvoidSelf
 
 
 def run_info(options: InfoOptions) -> int:
     """Describe every file; return exit code 3 if one of them is invalid, else 0."""
     documents: list[dict[str, Any]] = []
-    skeletons: dict[str, Skeleton] = {}
+    skeletons: dict[str, mg.Skeleton] = {}
     rest, hierarchy = selected_skeleton(options), None
     for address in _find_files(options.files):
         path, pattern = split_address(address)
         try:
             clips = open_clips(path, skeleton=rest)
             if not len(clips):
-                raise FormatError(f"holds no motion: {'; '.join(clips.notes)}", path)
+                raise mg.FormatError(f"holds no motion: {'; '.join(clips.notes)}", path)
             chosen = range(len(clips)) if pattern is None else clips.find(pattern)
             found = [_contents(clips, index, options) for index in chosen]
             skeletons[path] = clips[chosen[0]].skeleton
-        except FormatError as error:
+        except mg.FormatError as error:
             documents.append({"file": path, "error": str(error)})
             print_error(str(error))
             continue
@@ -81,19 +73,19 @@ def _find_clips(names: Iterable[str]) -> list[str]:
     for file in _find_files(names):
         try:
             found += expand_folders([file])
-        except FormatError:
+        except mg.FormatError:
             found.append(file)  # reading it raises the error again
     return found
 
 
-def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
+def _contents(clips: mg.Clips, index: int, options: InfoOptions) -> dict[str, Any]:
     """Return the contents of a clip; harmless faults only with ``--verbose`` or ``--json``."""
     motion = clips[index]
     skeleton = motion.skeleton
     members: Mapping[str, IntArray] = {}
     for preset in ("lower_upper", "lower_torso_arms"):  # the default of graft, or finer groups
         with suppress(ValueError):
-            members = JointGroups.preset(preset, skeleton).resolve(skeleton)
+            members = mg.JointGroups.preset(preset, skeleton).resolve(skeleton)
     source = {"file": str(clips.path), "error": None, "format": clips.format}
     source["clip"] = clips.names[index] if len(clips) > 1 else None
     size = {"joints": skeleton.n_joints, "channels": skeleton.n_channels, "frames": motion.n_frames}
@@ -102,7 +94,7 @@ def _contents(clips: Clips, index: int, options: InfoOptions) -> dict[str, Any]:
     size["person"] = "arms" in members and not anatomy(skeleton).joints("tail")
     groups = {g: [skeleton.names[j] for j in joints] for g, joints in members.items()}
     is_complete = options.verbose or options.json
-    shown = [f for f in find_faults(motion) if is_complete or f.kind not in HARMLESS_FAULTS]
+    shown = [f for f in mg.find_faults(motion) if is_complete or f.kind not in HARMLESS_FAULTS]
     notes = {"notes": list(clips.notes), "repairs": list(motion.repairs)}
     notes["faults"] = [fault.message for fault in shown]
     if skeleton.hinges is not None:
@@ -145,7 +137,7 @@ def _length(document: dict[str, Any]) -> str:
 def run_check(options: CheckOptions) -> int:
     """Check every file; return exit code 3 if one of them is not valid, else 0."""
     documents, rest = [], selected_skeleton(options)
-    skeletons: dict[str, Skeleton] = {}
+    skeletons: dict[str, mg.Skeleton] = {}
     n_good = n_invalid = 0
     for name in _find_clips(options.files):
         document = _check_file(name, rest, skeletons, options)
@@ -179,18 +171,20 @@ def run_check(options: CheckOptions) -> int:
 
 
 def _check_file(
-    name: str, rest: Skeleton | None, skeletons: dict[str, Skeleton], options: CheckOptions
+    name: str, rest: mg.Skeleton | None, skeletons: dict[str, mg.Skeleton], options: CheckOptions
 ) -> dict[str, Any]:
     """Return the faults of a file, and add its skeleton to `skeletons`."""
     try:
         is_bvh = find_format(Path(split_address(name)[0])).name == "BVH"
-        motion = read_bvh(name, strict=options.strict) if is_bvh else read_clip(name, skeleton=rest)
-    except FormatError as error:
+        motion = (
+            mg.read_bvh(name, strict=options.strict) if is_bvh else read_clip(name, skeleton=rest)
+        )
+    except mg.FormatError as error:
         return {"file": name, "error": str(error), "repairs": [], "faults": [], "robot": {}}
     skeletons[name] = motion.skeleton
     names = motion.skeleton.names
     faults = []
-    for fault in find_faults(motion):
+    for fault in mg.find_faults(motion):
         joint = None if fault.joint is None else names[fault.joint]
         place = {"frames": list(fault.frames), "joint": joint}
         faults.append({"kind": fault.kind, **place, "message": fault.message})
@@ -201,15 +195,15 @@ def _check_file(
     return {"file": name, "error": None, **found}
 
 
-def _describe_contacts(motion: Motion) -> list[str]:
+def _describe_contacts(motion: mg.Motion) -> list[str]:
     """Return how much the feet slide, and the frames in which hands are in the body."""
     sliding = sliding_feet(motion, Ground.of(motion))
     runs = find_runs(sliding.sum(axis=1) > 0).tolist()
     first, last = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
     longest = f", longest in frames {first} to {last}" if runs else ""
-    lines = [f"feet slide in {foot_skate(motion):.1%} of the steps{longest}"]
-    for own in find_violations([AvoidSelf()], Poses.from_motion(motion)):
-        depth = f"{own.error * AvoidSelf.tolerance:.3f} heights at frame {own.worst}"
+    lines = [f"feet slide in {mg.foot_skate(motion):.1%} of the steps{longest}"]
+    for own in find_violations([mg.constraints.AvoidSelf()], mg.Poses.from_motion(motion)):
+        depth = f"{own.error * mg.constraints.AvoidSelf.tolerance:.3f} heights at frame {own.worst}"
         frames = "{} to {}".format(*own.frames)
         lines.append(f"{own.joint} is in the body in frames {frames}, {depth}")
     return lines if lines[1:] else [*lines, "no hand or forearm is in the body"]
@@ -232,9 +226,9 @@ def run_groups(options: GroupsOptions) -> int:
     skeleton = read_clip(files[0], skeleton=rest).skeleton
     if is_automatic(options.preset):
         number = automatic_number(options.preset)
-        groups = discover_groups(files, number, skeleton=rest).groups
+        groups = mg.discover_groups(files, number, skeleton=rest).groups
     else:
-        groups = JointGroups.preset(options.preset, skeleton)
+        groups = mg.JointGroups.preset(options.preset, skeleton)
     if target is not None:
         check_writable([target], force=options.force)
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import mograft as mg
 from mograft._util.atomic import write_bytes
 from mograft._util.extras import import_extra
 from mograft._util.names import (
@@ -16,41 +17,32 @@ from mograft._util.names import (
     portable_stem,
     unique_names,
 )
-from mograft.analysis.group_discovery import GroupDiscovery
-from mograft.blend.cycles import cut_cycle
-from mograft.body.groups import JointGroups
 from mograft.cli import configuration, files
 from mograft.cli.graft_files import open_page
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import ExportOptions, PlotOptions, ViewOptions
 from mograft.cli.syntax.values import resolve_frames
-from mograft.config import Config
 from mograft.errors import join_names
-from mograft.io.bvh.writer import write_bvh
 from mograft.io.character import open_character
 from mograft.io.export_figure import UNITS, guess_unit
 from mograft.io.formats import read_clip, split_address
-from mograft.io.glb import write_glb
 from mograft.io.gltf.document import GltfFile
-from mograft.io.robots.trackers import write_tracker
-from mograft.io.smpl.amass import write_amass
-from mograft.io.usd import write_usd
-from mograft.library.build import discover_groups, discover_in_library
+from mograft.library.build import discover_in_library
 from mograft.library.discover import is_graft
-from mograft.library.library import Library
-from mograft.motion.motion import Motion
 from mograft.provenance.writing import WRITERS, write_character
 from mograft.scenario.bending import bend
-from mograft.viewing import plot
-from mograft.viewing.page import temporary_path, view
+from mograft.viewing.page import temporary_path
 from mograft.viewing.scene import Scene
-from mograft.viewing.video import write_video
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_CLUSTER_KINDS = {"pca": plot.pca, "dendrogram": plot.dendrogram, "clusters": plot.clusters}
+_CLUSTER_KINDS = {
+    "pca": mg.plot.pca,
+    "dendrogram": mg.plot.dendrogram,
+    "clusters": mg.plot.clusters,
+}
 _KINDS_OF_OPTION: Mapping[str, tuple[str, ...]] = {
     "frames": ("strip", "timeline", "energy"),
     "groups": ("strip", "timeline", *_CLUSTER_KINDS, "groups"),
@@ -69,7 +61,7 @@ _ENDINGS_OF_OPTION = {
     "like": (".npz",),
     "tracker": (".npz",),
 }
-_Groups = JointGroups | str | None
+_Groups = mg.JointGroups | str | None
 
 
 def run_view(options: ViewOptions) -> int:
@@ -86,9 +78,9 @@ def run_view(options: ViewOptions) -> int:
         scene = Scene.of(sources, groups, config, skeleton)
     else:
         configuration.refuse_fixed_options(options, "groups", "skeleton", "model")
-        library = Library.open(folder)
+        library = mg.Library.open(folder)
         scene = Scene.of_clips(library, files.select_clips(library, options.clip))
-    page = view(scene.with_character(options.character), show=False)
+    page = mg.view(scene.with_character(options.character), show=False)
     target = options.output or temporary_path()
     target.parent.mkdir(parents=True, exist_ok=True)
     path = page.save(target, force=True)
@@ -139,20 +131,20 @@ def _draw(options: PlotOptions) -> "Axes":
         motion, groups, config = _single_motion(options, folder)
         frames = files.frame_range(motion, options.frames)
         if options.kind == "energy":
-            return plot.energy(motion, config, frames=frames)
-        return plot.strip(motion, options.poses, groups=groups, frames=frames)
+            return mg.plot.energy(motion, config, frames=frames)
+        return mg.plot.strip(motion, options.poses, groups=groups, frames=frames)
     if options.kind == "groups":
-        return plot.groups(_discovery(options, folder))[0]
+        return mg.plot.groups(_discovery(options, folder))[0]
     if options.kind == "timeline":
         scene = _timeline_scene(options, folder)
         given, rate = options.frames, scene.figures[0].motion.rate
         shown = None if given is None else resolve_frames(given, rate)
-        return plot.timeline(scene, frames=shown)
+        return mg.plot.timeline(scene, frames=shown)
     library = configuration.load_library(options)
     return _CLUSTER_KINDS[options.kind](library, options.group)
 
 
-def _discovery(options: PlotOptions, folder: Path | None) -> GroupDiscovery:
+def _discovery(options: PlotOptions, folder: Path | None) -> mg.GroupDiscovery:
     """Return the groups that ``--groups auto`` or ``auto:N`` discovers in a library or in files.
 
     `folder` is that of a library, or None for motion files. Any other value of ``--groups`` is a
@@ -164,8 +156,8 @@ def _discovery(options: PlotOptions, folder: Path | None) -> GroupDiscovery:
             raise UsageError(f"the picture groups needs --groups auto or auto:N, got {name}")
         name = AUTOMATIC
     if folder is not None:
-        return discover_in_library(Library.open(folder), automatic_number(name))
-    return discover_groups(
+        return discover_in_library(mg.Library.open(folder), automatic_number(name))
+    return mg.discover_groups(
         files.expand_folders(options.files, include_grafts=options.include_grafts),
         automatic_number(name),
         config=configuration.selected_config(options),
@@ -192,15 +184,15 @@ def _timeline_scene(options: PlotOptions, folder: Path | None) -> Scene:
 
 def _single_motion(
     options: PlotOptions, folder: Path | None
-) -> tuple[Motion, JointGroups | str | None, Config]:
+) -> tuple[mg.Motion, mg.JointGroups | str | None, mg.Config]:
     """Return the only motion that the options select, its joint groups and its configuration.
 
     `folder` is that of a library, or None for motion files. Raise ValueError if the options select
     several motions.
     """
-    groups: JointGroups | str | None
+    groups: mg.JointGroups | str | None
     if folder is not None:
-        library = Library.open(folder)
+        library = mg.Library.open(folder)
         motions = [library.clips[index] for index in files.select_clips(library, options.clip)]
         groups, config = library.groups, library.config
     else:
@@ -272,16 +264,16 @@ def _export(options: ExportOptions, sources: Sequence[str]) -> dict[str, Any]:
             document |= _write_figure(motions, sources, groups, options)
         else:
             if ending == ".bvh":
-                write_bvh(motions[0], target, digits=options.digits)
+                mg.write_bvh(motions[0], target, digits=options.digits)
             elif options.tracker is not None:
                 if motions[0].skeleton.hinges is None:
                     raise ValueError(
                         "--tracker needs a robot, given by --model (its MJCF or URDF file), and a "
                         f"motion of its joints; got {sources[0]}"
                     )
-                write_tracker(motions[0], target, tracker=options.tracker)
+                mg.formats.write_tracker(motions[0], target, tracker=options.tracker)
             elif options.like is not None:
-                write_amass(motions[0], target, like=options.like)
+                mg.formats.write_amass(motions[0], target, like=options.like)
             else:
                 WRITERS[ending](motions[0], target)
             document |= {"up": "as in the file", "unit": "of the file"}
@@ -289,7 +281,7 @@ def _export(options: ExportOptions, sources: Sequence[str]) -> dict[str, Any]:
     return document
 
 
-def _select_frames(motion: Motion, options: ExportOptions) -> tuple[Motion, tuple[int, int]]:
+def _select_frames(motion: mg.Motion, options: ExportOptions) -> tuple[mg.Motion, tuple[int, int]]:
     """Return what ``--frames``, ``--turn``, ``--avoid`` and ``--cycle`` make of a motion.
 
     Also return the first and the last of its frames.
@@ -302,7 +294,7 @@ def _select_frames(motion: Motion, options: ExportOptions) -> tuple[Motion, tupl
     if options.cycle is None:
         return motion, (first, last)
     seconds = None if isinstance(options.cycle, str) else options.cycle
-    motion, (start, stop) = cut_cycle(motion, seconds)
+    motion, (start, stop) = mg.cut_cycle(motion, seconds)
     frames = first + start, first + stop
     print_remark(
         f"{motion.name}: frames {frames[0]}-{frames[1]}, a loop of {motion.duration:.3g} s"
@@ -311,7 +303,7 @@ def _select_frames(motion: Motion, options: ExportOptions) -> tuple[Motion, tupl
 
 
 def _write_figure(
-    motions: Sequence[Motion], sources: Sequence[str], groups: _Groups, options: ExportOptions
+    motions: Sequence[mg.Motion], sources: Sequence[str], groups: _Groups, options: ExportOptions
 ) -> dict[str, Any]:
     target = options.output
     paths = list(dict.fromkeys(split_address(file)[0] for file in sources))
@@ -329,9 +321,9 @@ def _write_figure(
     _warn_of_meshes(characters, target)
     scale = UNITS[options.scale] if isinstance(options.scale, str) else options.scale
     if target.suffix.lower() == ".glb":
-        write_glb(motions, target, scale=scale, groups=groups)
+        mg.formats.write_glb(motions, target, scale=scale, groups=groups)
     else:
-        write_usd(motions[0], target, scale=scale, groups=groups)
+        mg.formats.write_usd(motions[0], target, scale=scale, groups=groups)
     metres = UNITS[guess_unit(motions[0].skeleton)] if scale is None else scale
     estimated = "" if options.scale is not None else " (estimated from the figure's height)"
     print_remark(f"{target.name}: metres, y up; 1 unit of the file is {metres:g} m{estimated}")
@@ -345,12 +337,12 @@ def _warn_of_meshes(characters: Sequence[GltfFile], target: Path) -> None:
 
 
 def _write_film(
-    motions: Sequence[Motion], target: Path, groups: _Groups, options: ExportOptions
+    motions: Sequence[mg.Motion], target: Path, groups: _Groups, options: ExportOptions
 ) -> dict[str, Any]:
     with show_progress() as progress:
         rate, (width, height), dark = options.rate, options.size, options.dark
         look: dict[str, Any] = {"size": options.size, "groups": groups, "dark": dark}
         look |= {"renderer": options.renderer or "capsules", "character": options.character}
-        rate = write_video(motions, target, rate=rate, progress=progress, **look)
+        rate = mg.write_video(motions, target, rate=rate, progress=progress, **look)
     print_remark(f"{target.name}: {width} by {height} pixels, {rate:.6g} pictures per second")
     return {"size": [width, height], "rate": rate, "frames": [m.n_frames for m in motions]}

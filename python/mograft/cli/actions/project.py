@@ -2,10 +2,10 @@
 
 from typing import Any
 
+from mograft import graft_record
 from mograft.cli.output import print_remark, print_result
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.options import GraftOptions
-from mograft.provenance.document import graft_record
 from mograft.studio.export import replay_project, write_motions
 
 _ALLOWED = ("project", "output", "force", "json", "quiet", "verbose")

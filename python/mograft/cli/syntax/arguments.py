@@ -115,7 +115,8 @@ class Options(_Declaration, section="general"):
 
         The default of each option in `names` must be None, False or empty.
         """
-        return [name for name in names if name not in self.origins and getattr(self, name)]
+        names_given = (name for name in names if name not in self.origins)
+        return [name for name in names_given if getattr(self, name, None)]
 
     def changed(self) -> dict[str, str]:
         """Return the options whose value is not the default, as names for the user by field."""

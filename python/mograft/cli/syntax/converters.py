@@ -1,5 +1,6 @@
 """How texts of options become values, and what is said of texts that do not."""
 
+import math
 import re
 from argparse import ArgumentTypeError
 from collections.abc import Callable, Collection, Iterator
@@ -87,15 +88,16 @@ def parser(expected: str) -> Callable[[Callable[[str], T]], Callable[[str], T]]:
 
 
 def number(
-    kind: Callable[[str], float], expected: str, is_valid: Callable[[float], bool]
+    kind: Callable[[str], float], expected: str, low: float, high: float = math.inf
 ) -> Callable[[str], Any]:
-    """Return a converter of text to a number of which `is_valid` is true."""
+    """Return a converter of text to a finite number of at least `low` and at most `high`."""
 
     @parser(f"must be {expected}")
     def convert(text: str) -> float:
-        if not is_valid(number := kind(text)):
+        found = kind(text)
+        if not (low <= found <= high and abs(found) < math.inf):
             raise ValueError
-        return number
+        return found
 
     return convert
 

@@ -1,21 +1,10 @@
 """Options of the commands that make data sets and search libraries."""
 
-from argparse import ArgumentTypeError
-from contextlib import suppress
 from typing import Annotated, Literal
 
 from mograft.cli.syntax import options, values
 from mograft.cli.syntax.arguments import option, positional, setting
 from mograft.cli.syntax.converters import Value
-
-
-def share(text: str) -> float:
-    """Read a share, such as ``0.1`` or ``10%``."""
-    with suppress(ValueError):
-        found = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
-        if 0 <= found <= 1:
-            return found
-    raise ArgumentTypeError(f"must be a share from 0 to 1, or a percentage such as 10%, got {text}")
 
 
 class AugmentOptions(options.SeedOptions, options.LibraryOptions, section="output"):
@@ -91,7 +80,7 @@ class CurateOptions(options.WriterOptions, section="output"):
     radius: values.NonNegative | None = setting(
         "radius in cluster diameter thresholds of the library (default: 1)"
     )
-    keep: Annotated[float, Value("X|X%", share)] | None = setting(
+    keep: values.Percentage | None = setting(
         "share of the frames to keep, such as 10%, instead of a radius"
     )
     part: values.Name | None = option("joint group that is compared (default: all groups)")

@@ -6,7 +6,6 @@ A frame is a number or, with the suffix ``s``, a time in seconds.
 import math
 import re
 from argparse import ArgumentTypeError
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -35,7 +34,11 @@ PRESETS = ("lower_upper", "lower_torso_arms", "lower_torso_larm_rarm", "lower_to
 UNITS = ("m", "cm", "mm", "inch", "CMU")
 
 
-_positive = number(float, "a number above 0", lambda x: 0 < x < math.inf)
+ABOVE_ZERO = math.ulp(0.0)
+"""The smallest number above 0."""
+
+_positive = number(float, "a number above 0", ABOVE_ZERO)
+_port = number(int, "an integer from 0 to 65535", 0, 65535)
 
 
 Frame = int | float
@@ -88,19 +91,14 @@ def frame_count(text: str) -> Frame:
     return count
 
 
-def resolve_frame(given: Frame, rate: float) -> int:
-    """Return the index of a frame; a time is rounded to a frame at `rate` frames per second."""
+def resolve_frames(given: Any, rate: float) -> Any:  # noqa: ANN401 - a frame, or what holds some
+    """Return frames in place of times, which are rounded at `rate` frames per second.
+
+    `given` is a frame, a time, a tuple with any of them, or a value without them, such as None.
+    """
+    if isinstance(given, tuple):
+        return tuple(resolve_frames(own, rate) for own in given)
     return round(given * rate) if isinstance(given, float) else given
-
-
-def resolve_frames(given: Range, rate: float) -> tuple[int, int]:
-    """Return the indices of the first and last frame of a range; see `resolve_frame`."""
-    return resolve_frame(given[0], rate), resolve_frame(given[1], rate)
-
-
-def resolve_span(given: Range | None, rate: float) -> tuple[int, int] | None:
-    """Return the result of `resolve_frames`; None if `given` is None."""
-    return None if given is None else resolve_frames(given, rate)
 
 
 BaseSegment = tuple[int | None, Range | None, str | None]
@@ -127,11 +125,6 @@ def _donor(text: str) -> Donor:
         raise ValueError("expected CLIP:FIRST-LAST")
     clip, _, span = text.rpartition(":")  # The name of a clip may contain colons.
     return (clip, *frames(span)) if clip and span[:1].isdecimal() else text or None
-
-
-def resolve_donor(given: Donor, rate: float) -> str | tuple[str, int, int] | None:
-    """Return a donor with frames instead of times; see `resolve_frame`."""
-    return (given[0], *resolve_frames(given[1:], rate)) if isinstance(given, tuple) else given
 
 
 @parser("expected SEGMENT, SEGMENT=CLIP or SEGMENT=CLIP:FIRST-LAST, such as 24=walk")
@@ -173,15 +166,20 @@ def change(text: str) -> Changed:
 @parser(f"must be {', '.join(UNITS)} or the metres of a unit, such as 0.3048")
 def unit(text: str) -> float | str:
     """Parse a unit of length: one of the names `UNITS`, or a number of metres."""
-    number: float | str = text if text in UNITS else _positive(text)
-    return number
+    return text if text in UNITS else _positive(text)
 
 
 @parser("must be seconds above 0, or no value, after FILE, for the shortest cycle")
 def cycle_seconds(text: str) -> float | str:
     """Parse the duration of a cycle, or ``auto`` for the shortest one."""
-    seconds: float | str = text if text == AUTOMATIC else _positive(text)
-    return seconds
+    return text if text == AUTOMATIC else _positive(text)
+
+
+def _parse_share(text: str) -> float:
+    return float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+
+
+percentage = number(_parse_share, "a share from 0 to 1, or a percentage such as 10%", 0, 1)
 
 
 def names(text: str) -> tuple[str, ...]:
@@ -260,13 +258,10 @@ def listener(text: str) -> tuple[str, int]:
     return _address(host or "127.0.0.1", port)
 
 
-TRACKERS: tuple[Literal["mjlab"], Literal["beyondmimic"]] = ("mjlab", "beyondmimic")
-
-
-@parser("must be mjlab or beyondmimic, for a motion of a robot that --model gives")
-def tracker(text: str) -> Literal["mjlab", "beyondmimic"]:
-    """Parse the name of a tracker."""
-    return TRACKERS[TRACKERS.index(text)]
+_TRACKERS = ("mjlab", "beyondmimic")
+tracker = parser("must be mjlab or beyondmimic, for a motion of a robot that --model gives")(
+    one_of(_TRACKERS)
+)
 
 
 @parser("must be WIDTHxHEIGHT, such as 720x480")
@@ -362,54 +357,43 @@ def face(text: str) -> tuple[Point, Range | None]:
     return _point(place), frames(range_text) if separator else None
 
 
-_count = number(int, "an integer of at least 1", lambda n: n >= 1)
-_motions = number(int, "from 1 to 100000 (other seeds give more)", lambda n: 1 <= n <= 100_000)
-_index = number(int, "an integer of at least 0", lambda n: n >= 0)
-_decimals = number(int, "an integer from 1 to 12", lambda n: 1 <= n <= 12)
-_port = number(int, "an integer from 0 to 65535", lambda n: 0 <= n <= 65535)
-_turn = number(float, "an angle in degrees, above 0 for left, such as 90", math.isfinite)
-_share = number(float, "a number from 0 to 1", lambda x: 0 <= x <= 1)
-_bases = number(int, "a number of clips, at least 1 (for one clip give its file)", lambda n: n >= 1)
-_windows = number(int, "from 1 to 10000000", lambda n: 1 <= n <= 10_000_000)
-_distance = number(
-    float,
-    "an angle from 0 to 180, such as 5 (different motions are some 5 to 20 degrees apart)",
-    lambda x: 0 <= x <= 180,
-)
+_ANGLE = "an angle in degrees, above 0 and at most 180"
+_TURN = "an angle in degrees, above 0 for left, such as 90"
+_DISTANCE = "an angle from 0 to 180, such as 5 (different motions are some 5 to 20 degrees apart)"
 
 
-def _amount(unit: str) -> Callable[[str], Any]:
-    return number(float, f"{unit} above 0", lambda x: 0 < x < math.inf)
+def _integer(expected: str, low: float, high: float = math.inf) -> Value:
+    return Value("N", number(int, expected, low, high))
 
 
-_stretch = number(float, "a fraction from 0 to 3, such as 0.3 for 30 %", lambda x: 0 <= x <= 3)
-_angle = number(float, "an angle in degrees, above 0 and at most 180", lambda x: 0 < x <= 180)
-_delay = number(float, "seconds of at least 0, such as 0.5", lambda x: 0 <= x < math.inf)
-_non_negative = number(float, "a number of at least 0", lambda x: 0 <= x < math.inf)
+def _number(placeholder: str, expected: str, low: float, high: float = math.inf) -> Value:
+    return Value(placeholder, number(float, expected, low, high))
+
 
 Name = Annotated[str, Value("NAME")]
-Count = Annotated[int, Value("N", _count)]
-Bases = Annotated[int, Value("N", _bases)]
-Motions = Annotated[int, Value("N", _motions)]
-Windows = Annotated[int, Value("N", _windows)]
-Index = Annotated[int, Value("N", _index)]
-Decimals = Annotated[int, Value("N", _decimals)]
+Count = Annotated[int, _integer("an integer of at least 1", 1)]
+Bases = Annotated[int, _integer("a number of clips, at least 1 (for one clip give its file)", 1)]
+Motions = Annotated[int, _integer("from 1 to 100000 (other seeds give more)", 1, 100_000)]
+Windows = Annotated[int, _integer("from 1 to 10000000", 1, 10_000_000)]
+Index = Annotated[int, _integer("an integer of at least 0", 0)]
+Decimals = Annotated[int, _integer("an integer from 1 to 12", 1, 12)]
 Port = Annotated[int, Value("N", _port)]
-Share = Annotated[float, Value("X", _share)]
-NonNegative = Annotated[float, Value("X", _non_negative)]
-Rate = Annotated[float, Value("FPS", _amount("frames per second"))]
-Duration = Annotated[float, Value("S", _amount("seconds"))]
-Delay = Annotated[float, Value("S", _delay)]
-Tempo = Annotated[float, Value("BPM", _amount("beats per minute"))]
-Speed = Annotated[float, Value("X", _amount("a factor, such as 0.5,"))]
-Degrees = Annotated[float, Value("DEGREES", _angle)]
-Stretch = Annotated[float, Value("X", _stretch)]
-Turn = Annotated[float, Value("DEGREES", _turn)]
-Distance = Annotated[float, Value("DEGREES", _distance)]
+Share = Annotated[float, _number("X", "a number from 0 to 1", 0, 1)]
+Percentage = Annotated[float, Value("X|X%", percentage)]
+NonNegative = Annotated[float, _number("X", "a number of at least 0", 0)]
+Rate = Annotated[float, _number("FPS", "frames per second above 0", ABOVE_ZERO)]
+Duration = Annotated[float, _number("S", "seconds above 0", ABOVE_ZERO)]
+Delay = Annotated[float, _number("S", "seconds of at least 0, such as 0.5", 0)]
+Tempo = Annotated[float, _number("BPM", "beats per minute above 0", ABOVE_ZERO)]
+Speed = Annotated[float, _number("X", "a factor, such as 0.5, above 0", ABOVE_ZERO)]
+Degrees = Annotated[float, _number("DEGREES", _ANGLE, ABOVE_ZERO, 180)]
+Stretch = Annotated[float, _number("X", "a fraction from 0 to 3, such as 0.3 for 30 %", 0, 3)]
+Turn = Annotated[float, _number("DEGREES", _TURN, -math.inf)]
+Distance = Annotated[float, _number("DEGREES", _DISTANCE, 0, 180)]
 Size = Annotated[tuple[int, int], Value("WIDTHxHEIGHT", picture_size)]
 Receiver = Annotated[tuple[str, int], Value("HOST[:PORT]", receiver)]
 Listener = Annotated[tuple[str, int], Value("[HOST:]PORT", listener)]
-Tracker = Annotated[Literal["mjlab", "beyondmimic"], Value("NAME", tracker, choices=TRACKERS)]
+Tracker = Annotated[Literal["mjlab", "beyondmimic"], Value("NAME", tracker, choices=_TRACKERS)]
 Unit = Annotated[float | str, Value("UNIT|X", unit)]
 Cycle = Annotated[float | str, Value("S", cycle_seconds)]
 Source = Annotated[str, Value("FILE", is_path=True)]
