@@ -402,21 +402,6 @@ def end(process, folder):
     assert not list(folder.rglob("*.part"))
 
 
-def test_demo_opens_its_dance_in_the_studio(tmp_path):
-    with running_command("demo", "-o", "demo", "--studio", cwd=tmp_path) as (process, document):
-        origin, sources = document["url"].partition("/?")[0], []
-        with httpx.Client() as client:
-            client.get(document["url"])
-            until = time.monotonic() + 60
-            while not sources and time.monotonic() < until:
-                time.sleep(0.1)
-                sources = client.get(f"{origin}/api/state").json()["sources"]
-        end(process, tmp_path)
-    assert [own["name"] for own in sources] == ["dance.bvh"]
-    assert document["folder"] == str(Path("demo", "studio"))
-    assert (tmp_path / "demo" / "index.html").exists()
-
-
 def test_command_prints_address_and_refuses_a_port_in_use(tmp_path):
     with running_command("studio", "-o", "out", cwd=tmp_path) as (process, document):
         assert httpx.get(document["url"]).status_code == 303

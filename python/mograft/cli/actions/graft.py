@@ -431,10 +431,6 @@ def run_demo(options: DemoOptions) -> int:
     graft_files.write_report(grafts, paths, page)
     if options.open:
         graft_files.open_page(page)
-    if options.studio:
-        from mograft.cli.actions.studio import serve
-
-        return serve(options, folder / "studio", [sample], is_shown=True)
     document = {"sample": str(sample), "frames": motion.n_frames, "segments": n}
     document |= {"clusters": clusters, "combinations": int(total)}
     document |= {"grafts": [str(path) for path in paths], "page": str(page)}

@@ -2,9 +2,7 @@
 
 import sys
 import webbrowser
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from mograft._util.documents import read_document
 from mograft._util.extras import import_extra
@@ -13,7 +11,6 @@ from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import StudioOptions
-from mograft.cli.syntax.options import ResultOptions
 from mograft.io.formats import recognize_format, split_address
 from mograft.studio.project import FORMAT
 from mograft.studio.session import Session
@@ -38,7 +35,26 @@ def run_studio(options: StudioOptions) -> int:
     project = Path(projects[0]) if projects else None
     folder = options.output or (_FOLDER if project is None else project.parent)
     sources = [] if projects else [Path(name) for name in options.files]
-    return serve(options, folder, sources, project, options.port, is_shown=options.open)
+    for module in ("starlette", "uvicorn"):
+        import_extra(module, "the studio needs starlette and uvicorn", "studio")
+    from mograft.studio.server import StudioServer
+
+    # `print_remark` does not know in the threads of the server whether --quiet is given.
+    report = _no_report if options.quiet else print_remark
+    folder.mkdir(parents=True, exist_ok=True)
+    session = Session(folder, project)
+    with clean_up_by(session.close):
+        if sources:
+            session.open(sources)
+        with StudioServer(session, folder, sources, options.port, report=report) as server:
+            document = {"url": server.url, "folder": str(folder)}
+            lines = [f"mograft studio at {server.url}", f"writes to {folder}; Ctrl-C ends it"]
+            print_result(options, "studio/1", document, lines)
+            sys.stdout.flush()
+            if options.open and not webbrowser.open(server.url):
+                print_remark("no browser found: open the address yourself")
+            server.wait()
+    return 0
 
 
 def _is_project(path: Path) -> bool:
@@ -46,37 +62,6 @@ def _is_project(path: Path) -> bool:
         return False
     document = read_document(path)
     return isinstance(document, dict) and document.get("format") == FORMAT
-
-
-def serve(
-    options: ResultOptions,
-    folder: Path,
-    sources: Sequence[Path],
-    project: Path | None = None,
-    port: int = 0,
-    *,
-    is_shown: bool = False,
-) -> int:
-    """Serve a session with a folder and sources until the command is interrupted."""
-    for module in ("starlette", "uvicorn"):
-        import_extra(module, "the studio needs starlette and uvicorn", "studio")
-    from mograft.studio.server import StudioServer
-
-    report = _no_report if options.quiet else print_remark
-    folder.mkdir(parents=True, exist_ok=True)
-    session = Session(folder, project)
-    with clean_up_by(session.close):
-        if sources:
-            session.open(sources)
-        with StudioServer(session, folder, sources, port, report=report) as server:
-            document: dict[str, Any] = {"url": server.url, "folder": str(folder)}
-            lines = [f"mograft studio at {server.url}", f"writes to {folder}; Ctrl-C ends it"]
-            print_result(options, "studio/1", document, lines)
-            sys.stdout.flush()
-            if is_shown and not webbrowser.open(server.url):
-                print_remark("no browser found: open the address yourself")
-            server.wait()
-    return 0
 
 
 def _no_report(_: str) -> None:

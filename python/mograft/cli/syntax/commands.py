@@ -18,7 +18,6 @@ class DemoOptions(options.SeedOptions, options.WriterOptions, section="output"):
 
     output: values.Folder = option("folder (default: demo)", default=Path("demo"), short="-o")
     open: bool = option("open the page in the browser")
-    studio: bool = option("then open the dance in mograft studio, until interrupted")
 
 
 class InfoOptions(options.SkeletonOptions):
