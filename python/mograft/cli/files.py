@@ -66,12 +66,15 @@ def has_folder(files: Iterable[str]) -> bool:
     return any(map(os.path.isdir, files))
 
 
-def library_folder(files: Sequence[str]) -> Path | None:
+def library_folder(files: Sequence[str], clips: Sequence[str] = ()) -> Path | None:
     """Return the library folder among the files of a command, or None if there is none.
 
-    Raise a UsageError if there is a library and any other file.
+    Raise a UsageError if there is a library and any other file, or if there is none, but `clips`
+    select some of its clips.
     """
     if not any(is_library(name) for name in files):
+        if clips:
+            raise UsageError("--clip requires a library; of files, give FILE or FILE#CLIP")
         return None
     if len(files) > 1:
         raise UsageError(

@@ -5,13 +5,13 @@ import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import mograft as mg
+from mograft._util.extras import import_extra
 from mograft.cli import configuration, files, graft_files
 from mograft.cli.output import print_error, print_remark, print_result, show_progress, with_flags
 from mograft.cli.syntax.arguments import UsageError
@@ -55,7 +55,7 @@ def run(options: GraftOptions) -> int:
     """Run the command."""
     options = graft_files.with_target(options)
     if options.project is not None:
-        from mograft.cli.actions.project import run_project  # takes long to import
+        from mograft.cli.actions.studio import run_project  # takes long to import
 
         return run_project(options)
     if options.from_ is not None:
@@ -73,8 +73,8 @@ def run(options: GraftOptions) -> int:
     is_robot = options.model if library is None else library.skeleton.hinges
     suffix = ".csv" if is_robot else ".bvh"
     paths, page = graft_files.output_paths(options, first, sources, suffix)
-    if options.measure and find_spec("scipy") is None:
-        raise ValueError("--measure needs SciPy: pip install 'mograft[evaluate]'")
+    if options.measure:
+        import_extra("scipy", "--measure needs SciPy", "evaluate")
     if library is None:
         strict = not files.has_folder(options.files)
         library = configuration.load_library(replace(options, files=sources), strict=strict)
@@ -129,7 +129,7 @@ def _run_replay(options: GraftOptions) -> int:
     allowed = (*_ALLOWED, "seed", "best_effort") if is_edit else _ALLOWED
     allowed = (*allowed, "set", *(("count",) if options.change else ()))
     for field, name in options.changed().items():
-        if field not in (*options.origins, *allowed):
+        if field not in allowed:
             raise UsageError(
                 f"--{name} cannot be combined with --from, which repeats a graft; --change, "
                 "--take, --ban and --keep change parts of it; new motions from the same files: "
@@ -191,35 +191,30 @@ def _change(graft: mg.Graft, options: GraftOptions) -> list[mg.Graft]:
     """
     if not options.change:
         return [graft]
-    rate, versions = graft.base.rate, list[mg.Graft]()
-    best = [0] * len(options.change)
+    changes = resolve_frames(options.change, graft.base.rate)
+    versions, best, command = list[mg.Graft](), [0] * len(changes), shlex.join(options.words)
     for rank in range(options.count):
         changed, is_new = graft, rank == 0
-        for index, (group, span, donor) in enumerate(options.change):
-            (first, last), chosen = resolve_frames((span, donor), rate)
+        for index, (group, (first, last), donor) in enumerate(changes):
             end = max(graft.motion.n_frames - 1, first + 1)  # a range that begins later is refused
             frames = first, end if last is None else last
             try:
-                changed = mg.change(changed, group, frames, chosen, rank=rank)
-                best[index], is_new = rank, is_new or not isinstance(chosen, tuple)
+                changed = mg.change(changed, group, frames, donor, rank=rank)
+                best[index], is_new = rank, is_new or not isinstance(donor, tuple)
             except ValueError as error:
                 if not versions:
                     message = re.sub(r"`(group|frames|donor)`", r"the \1 of --change", str(error))
                     raise ValueError(message) from None
-                changed = mg.change(changed, group, frames, chosen, rank=best[index])
+                changed = mg.change(changed, group, frames, donor, rank=best[index])
         if not is_new:
             print_remark(
                 f"warning: {rank} of {options.count} motions are written: there are no other parts "
                 "of the clips for the ranges of --change"
             )
             break
-        command = shlex.join(options.words)
-        changes = [own if own.command else replace(own, command=command) for own in changed.changes]
-        changed = replace(changed, changes=tuple(changes))
-        if options.count > 1:
-            name = f"{graft.motion.name}_{rank}"
-            changed = replace(changed, motion=replace(changed.motion, name=name))
-        versions.append(changed)
+        made = [own if own.command else replace(own, command=command) for own in changed.changes]
+        name = f"{graft.motion.name}_{rank}" if options.count > 1 else None
+        versions.append(graft_files.renamed(replace(changed, changes=tuple(made)), name))
     return versions
 
 
@@ -326,21 +321,19 @@ def _write_results(
         new, section = mg.newness(own, motions), dict[str, Any]()
         n_near += new.apart is not None and np.degrees(new.apart) < _NEAR_DEGREES
         motions = [*motions, own.motion][-_MAX_REPORTED:] if len(paths) > 1 else []
-        lines = [own.report(each=options.verbose), f"  {new}"]
         if reference is not None:
             measures = reference.measure(own)
             section = {"quality": measures.as_dict()}
             columns.append(measures.columns())
-            text = ", ".join(f"{name} {text}" for name, text in columns[-1].items())
-            measured = f"  {text}; ranges: parts of the base"
         if not is_together:
             mg.write_graft(own, path, [section], digits=options.digits)
         if options.json:
             record = {**mg.graft_record(own, path.parent), "digits": options.digits}
             documents.append({"file": str(path), **record, **section, "newness": new.as_dict()})
-        print_remark("\n".join(lines))
+        print_remark(f"{own.report(each=options.verbose)}\n  {new}")
         if reference is not None:
-            print_remark(measured, is_result=True)
+            text = ", ".join(f"{name} {value}" for name, value in columns[-1].items())
+            print_remark(f"  {text}; ranges: parts of the base", is_result=True)
         if not options.json and not is_together:
             print(path)
         substitutions.append(own.substitutions)

@@ -44,7 +44,7 @@ _CLUSTER_KINDS = {
     "clusters": mg.plot.clusters,
 }
 _KINDS_OF_OPTION: Mapping[str, tuple[str, ...]] = {
-    "frames": ("strip", "timeline", "energy"),
+    **dict.fromkeys(("clip", "frames"), ("strip", "timeline", "energy")),
     "groups": ("strip", "timeline", *_CLUSTER_KINDS, "groups"),
     "match": ("timeline", *_CLUSTER_KINDS, "groups"),
     "group": tuple(_CLUSTER_KINDS),
@@ -69,9 +69,7 @@ def run_view(options: ViewOptions) -> int:
     if options.output is not None:
         files.check_suffix(options.output, ".html", ".htm")
         files.check_writable([options.output], force=options.force, inputs=options.files)
-    folder = files.library_folder(options.files)
-    if options.clip and folder is None:
-        raise UsageError("--clip requires a library; of files, give FILE or FILE#CLIP")
+    folder = files.library_folder(options.files, options.clip)
     if folder is None:
         sources = files.expand_folders(options.files)
         groups, config, skeleton = configuration.figure_settings(options, sources)
@@ -118,14 +116,10 @@ def run_plot(options: PlotOptions) -> int:
 
 
 def _draw(options: PlotOptions) -> "Axes":
-    folder = files.library_folder(options.files)
+    folder = files.library_folder(options.files, options.clip)
     if folder is not None:
         fixed = () if options.kind == "groups" else ("groups",)
         configuration.refuse_fixed_options(options, *fixed, "match", "skeleton", "model")
-    if options.clip and (folder is None or options.kind not in _KINDS_OF_OPTION["frames"]):
-        raise UsageError(
-            "--clip requires a library, and one of the kinds strip, timeline and energy"
-        )
     configuration.refuse_useless_options(options, _KINDS_OF_OPTION, options.kind)
     if options.kind in ("strip", "energy"):
         motion, groups, config = _single_motion(options, folder)
@@ -137,9 +131,8 @@ def _draw(options: PlotOptions) -> "Axes":
         return mg.plot.groups(_discovery(options, folder))[0]
     if options.kind == "timeline":
         scene = _timeline_scene(options, folder)
-        given, rate = options.frames, scene.figures[0].motion.rate
-        shown = None if given is None else resolve_frames(given, rate)
-        return mg.plot.timeline(scene, frames=shown)
+        rate = scene.figures[0].motion.rate
+        return mg.plot.timeline(scene, frames=resolve_frames(options.frames, rate))
     library = configuration.load_library(options)
     return _CLUSTER_KINDS[options.kind](library, options.group)
 
@@ -340,9 +333,9 @@ def _write_film(
     motions: Sequence[mg.Motion], target: Path, groups: _Groups, options: ExportOptions
 ) -> dict[str, Any]:
     with show_progress() as progress:
-        rate, (width, height), dark = options.rate, options.size, options.dark
-        look: dict[str, Any] = {"size": options.size, "groups": groups, "dark": dark}
-        look |= {"renderer": options.renderer or "capsules", "character": options.character}
-        rate = mg.write_video(motions, target, rate=rate, progress=progress, **look)
+        given = {name: getattr(options, name) for name in ("rate", "size", "dark", "character")}
+        given |= {"renderer": options.renderer or "capsules", "groups": groups}
+        rate = mg.write_video(motions, target, progress=progress, **given)
+    width, height = options.size
     print_remark(f"{target.name}: {width} by {height} pixels, {rate:.6g} pictures per second")
     return {"size": [width, height], "rate": rate, "frames": [m.n_frames for m in motions]}

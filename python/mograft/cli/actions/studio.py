@@ -1,9 +1,11 @@
-"""``mograft studio``: the editor of grafts in the browser."""
+"""``mograft studio``, the editor of grafts in the browser, and ``mograft graft --project``."""
 
 import sys
 import webbrowser
 from pathlib import Path
+from typing import Any
 
+import mograft as mg
 from mograft._util.documents import read_document
 from mograft._util.extras import import_extra
 from mograft._util.signals import clean_up_by
@@ -11,11 +13,15 @@ from mograft.cli.files import check_suffix, check_writable
 from mograft.cli.output import print_remark, print_result
 from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import StudioOptions
+from mograft.cli.syntax.options import GraftOptions
 from mograft.io.formats import recognize_format, split_address
+from mograft.studio.export import replay_project, write_motions
 from mograft.studio.project import FORMAT
 from mograft.studio.session import Session
 
 _FOLDER = Path("studio")
+_ALLOWED = ("project", "output", "force", "json", "quiet", "verbose")
+"""Options that may be given with ``--project``; the project sets all others."""
 
 
 def run_studio(options: StudioOptions) -> int:
@@ -66,3 +72,27 @@ def _is_project(path: Path) -> bool:
 
 def _no_report(_: str) -> None:
     pass
+
+
+def run_project(options: GraftOptions) -> int:
+    """Write the kept motions of a project as the studio exports them; return the exit code."""
+    for field, name in options.changed().items():
+        if field not in _ALLOWED:
+            given = "LIB|FILE" if field == "files" else f"--{name}"
+            raise UsageError(f"{given} cannot be combined with --project, which has its own inputs")
+    path, target = options.project, options.output
+    assert path is not None
+    if target.suffix.lower() == ".bvh":
+        raise UsageError(
+            f"-o must be a folder, or a .glb or .npz file, with --project; got {target}"
+        )
+    grafts, character = replay_project(path)
+    files = write_motions(grafts, target, ".bvh", character, force=options.force)
+    for graft in grafts:
+        print_remark(graft.report(each=options.verbose))
+    pairs = zip(files if len(files) > 1 else files * len(grafts), grafts, strict=True)
+    documents: list[dict[str, Any]] = [
+        {"file": str(file), **mg.graft_record(graft, file.parent)} for file, graft in pairs
+    ]
+    print_result(options, "grafts/1", {"grafts": documents}, files)
+    return 0

@@ -115,13 +115,12 @@ class Options(_Declaration, section="general"):
 
         The default of each option in `names` must be None, False or empty.
         """
-        names_given = (name for name in names if name not in self.origins)
-        return [name for name in names_given if getattr(self, name, None)]
+        return [name for name in names if name not in self.origins and getattr(self, name, None)]
 
     def changed(self) -> dict[str, str]:
-        """Return the options whose value is not the default, as names for the user by field."""
-        arguments = arguments_of(type(self))
-        return {a.dest: a.name for a in arguments if getattr(self, a.dest) not in (a.default, None)}
+        """Return the options that the command line changes, as names for the user by field."""
+        own = [a for a in arguments_of(type(self)) if a.dest not in self.origins]
+        return {a.dest: a.name for a in own if getattr(self, a.dest) not in (a.default, None)}
 
 
 @dataclass(frozen=True)
