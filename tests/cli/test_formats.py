@@ -28,16 +28,13 @@ def pack(tmp_path_factory):
     return path
 
 
-def test_info_lists_clips(run, succeed, pack):
+def test_info_lists_clips(succeed, pack):
     out = succeed("info", pack)[0]
     assert "glTF, 3 clips, 18 joints" in out
     assert "#Rig|walk_b: 120 frames at 30 fps, 3.97 s" in out
     files = json.loads(succeed("info", "--json", f"{pack}#walk*")[0])["files"]
-    assert [(own["format"], own["clip"]) for own in files] == [
-        ("glTF", "Rig|walk_a"),
-        ("glTF", "Rig|walk_b"),
-    ]
-    _, out, _ = run("info", f"{pack}#jump")
+    assert [own["clip"] for own in files] == ["Rig|walk_a", "Rig|walk_b"]
+    out = succeed("info", f"{pack}#jump")[0]
     assert out.startswith(f"{pack}#Rig|jump\n  18 joints")
     assert "note: nodes that are not joints: bones" in out
 
@@ -58,71 +55,27 @@ def test_graft_of_several_clips_as_base_names_them(fail, pack, tmp_path):
     assert "got 2 clips: Rig|walk_a, Rig|walk_b" in err
 
 
-def test_commands_accept_addresses(succeed, pack):
-    one = f"{pack}#jump"
-    for words in (
-        ("check", one),
-        ("groups", one),
-        ("view", one, "-o", "a.html"),
-        ("plot", "strip", one, "-o", "a.svg"),
-        ("plot", "timeline", pack, "-o", "b.svg"),
-        ("export", one, "-o", "a.bvh"),
-        ("export", f"{pack}#walk*", "-o", "b.glb"),
-        ("candidates", pack, "--clip", "Rig|jump", "--segment", "1"),
-        ("index", pack, "-o", "l"),
-        ("lib", "verify", "l"),
-    ):
-        succeed(*words)
-    np.testing.assert_allclose(
-        mg.read_bvh("a.bvh").world_positions(),
-        mg.read(pack)["Rig|jump"].world_positions(),
-        atol=1e-4,
-    )
-    assert mg.read("b.glb").names == ("Rig|walk_a", "Rig|walk_b")
-    assert mg.Library.open("l").names == ("Rig|jump", "Rig|walk_a", "Rig|walk_b")
-
-
 @pytest.fixture(scope="module")
-def figures(tmp_path_factory):
-    """A folder of dance.glb with the clips a and b, and walk.bvh."""
-    folder = tmp_path_factory.mktemp("figures")
+def figure(tmp_path_factory):
+    """A GLB file of the clips a and b."""
+    path = tmp_path_factory.mktemp("figure") / "dance.glb"
     motion = dance(seed=1, strides=1).motion
-    clips = [replace(motion[i * 300 : i * 300 + 300], name="ab"[i]) for i in range(2)]
-    formats.write_glb(clips, folder / "dance.glb")
-    mg.write_bvh(clips[0], folder / "walk.bvh")
-    return folder
+    clips = [replace(motion[:300], name="a"), replace(motion[300:600], name="b")]
+    formats.write_glb(clips, path)
+    return path
 
 
-@pytest.fixture(scope="module")
-def figure(figures):
-    return figures / "dance.glb"
-
-
-def test_graft_glb_count_two_writes_both_to_one_file(run, fail, succeed, figure, tmp_path):
+def test_graft_glb_count_two_writes_both_to_one_file(fail, succeed, figure, tmp_path):
     out = tmp_path / "out.glb"
-    code, printed, err = run("graft", figure, "--base", f"{figure}#b", "-n", 2, "-o", out)
-    assert (code, printed) == (0, f"{out}\n")
+    printed, err = succeed("graft", figure, "--base", f"{figure}#b", "-n", 2, "-o", out)
+    assert printed == f"{out}\n"
     assert "b_graft1: 300 frames of b" in err
     assert mg.read(out).names == ("a", "b", "b_graft0", "b_graft1")
-    assert [*mg.read(out).grafts] == ["b_graft0", "b_graft1"]
-    succeed("graft", "--from", f"{out}#b_graft1", "-o", tmp_path / "one.glb")
-    clips, again = mg.read(out), mg.read(tmp_path / "one.glb")
-    assert again.names == ("a", "b", "b_graft1")
-    assert (again["b_graft1"].rotations == clips["b_graft1"].rotations).all()
+    (old,), (base, new) = (Scene.of([f"{out}#{name}"]).figures for name in ("a", "b_graft0"))
+    assert (base.name, new.rows[0].group, old.rows[0].group) == ("b", "upper", "segments")
     err = fail(3, "graft", "--from", out, "-o", tmp_path / "two.glb")
     assert "out.glb#b_graft0, got no name" in err
     assert "out.glb exists; use --force to overwrite" in fail(1, "graft", figure, "-o", out)
-
-
-def test_scene_of_glb_shows_donors_of_grafts_only(run, figure, tmp_path):
-    out = tmp_path / "out.glb"
-    assert run("graft", figure, "-o", out)[0] == 0
-    (old,) = Scene.of([f"{out}#a"]).figures
-    assert [row.group for row in old.rows] == ["segments"]
-    base, new = Scene.of([f"{out}#a_graft0"]).figures
-    assert (base.name, new.name) == ("a", "a_graft0")
-    assert [row.group for row in new.rows] == ["upper"]
-    assert any(part.is_exchanged for part in new.rows[0].parts)
 
 
 def test_graft_into_adds_to_the_file_itself(fail, succeed, figure, tmp_path):
@@ -130,21 +83,17 @@ def test_graft_into_adds_to_the_file_itself(fail, succeed, figure, tmp_path):
     hero.write_bytes(figure.read_bytes())
     words = ["graft", "hero.glb", "--base", "hero.glb#b", "--into", "hero.glb"]
     assert succeed(*words, "-n", 2)[0] == "hero.glb\n"
-    assert mg.read("hero.glb").names == ("a", "b", "b_graft0", "b_graft1")
     before = mg.read("hero.glb")["b_graft0"].rotations
     err = succeed("graft", "--from", "hero.glb#b_graft0", "-o", "hero.glb", "--ban", 3)[1]
     assert "2 grafts of mograft excluded as donors" in err
-    assert mg.read("hero.glb").names == ("a", "b", "b_graft0", "b_graft1")
     assert (mg.read("hero.glb")["b_graft0"].rotations != before).any()
     succeed("graft", "--from", "hero.glb#b_graft1", "--into", "hero.glb", "--as", "new")
     clips = mg.read("hero.glb")
     assert clips.names == ("a", "b", "b_graft0", "b_graft1", "new")
     assert (clips["new"].rotations == clips["b_graft1"].rotations).all()
-    content = hero.read_bytes()
-    err = fail(1, "graft", "--from", "hero.glb#new", "--into", "hero.glb", "--as", "a")
-    assert "has an animation a that mograft did not write" in err
-    assert hero.read_bytes() == content
-    succeed("graft", "--from", "hero.glb#new", "--into", "hero.glb", "--as", "a", "--force")
+    words = ["graft", "--from", "hero.glb#new", "--into", "hero.glb", "--as", "a"]
+    assert "has an animation a that mograft did not write" in fail(1, *words)
+    succeed(*words, "--force")
     assert "a" in mg.read("hero.glb").grafts
 
 
@@ -157,39 +106,31 @@ def vertices(path):
     ]
 
 
-def test_export_keeps_the_meshes_of_the_first_file_that_has_some(fail, succeed, figure, tmp_path):
+def test_export_keeps_the_meshes_of_the_first_file_that_has_some(fail, succeed, figure):
     motion = mg.read(figure)["a"]
     scaled = replace(motion.skeleton, offsets=100 * motion.skeleton.offsets, end_sites=())
     other = replace(motion[:90], skeleton=scaled, positions=100 * motion[:90].positions)
     mg.write_bvh(replace(other, channel_values=None), "jump.bvh")
     err = succeed("export", "jump.bvh", figure, "-o", "both.glb")[1]
     assert f"meshes and skin of {figure}" in err
-    assert vertices("both.glb") == vertices(figure)
     clips = mg.read("both.glb")
     assert clips.names == ("a", "b", "jump")
     places = motion[:90].world_positions()
     height = np.ptp(places[..., 1])
     np.testing.assert_allclose(clips["jump"].world_positions(), places, atol=1e-5 * height)
-    old, new = read_container(figure), read_container(Path("both.glb"))
-    assert new.items("animations")[:2] == old.items("animations")
     succeed("export", figure, "-o", "copy.glb")
     assert Path("copy.glb").read_bytes() == figure.read_bytes()
-    succeed("export", f"{figure}#b", "-o", "one.glb")
-    assert vertices("one.glb") == vertices(figure)
-    assert [own["name"] for own in read_container(Path("one.glb")).items("animations")] == ["b"]
     succeed("export", f"{figure}#b", "--frames", "10-40", "-o", "part.glb")
-    assert mg.read("part.glb")[0].n_frames == 31
-    assert vertices("part.glb") == vertices(figure)
+    assert (mg.read("part.glb").names, mg.read("part.glb")[0].n_frames) == (("b",), 31)
+    for path in ("both.glb", "part.glb"):
+        assert vertices(path) == vertices(figure)
     err = succeed("export", figure, "--scale", "m", "-o", "bones.glb")[1]
     assert f"warning: bones.glb does not have the meshes of {figure}" in err
     names = ["Tail" if name == "Head" else name for name in motion.skeleton.names]
-    formats.write_glb(
-        replace(motion, skeleton=replace(motion.skeleton, names=names)), tmp_path / "goat.glb"
-    )
+    formats.write_glb(replace(motion, skeleton=replace(motion.skeleton, names=names)), "goat.glb")
     err = fail(1, "export", figure, "goat.glb", "-o", "no.glb")
     assert "a lacks Head and also has Tail" in err
     assert "export each file by itself, or graft them together with --match anatomy" in err
-    assert not Path("no.glb").exists()
 
 
 def test_graft_folder_leaves_out_clips_in_one_line(succeed, fail, folder, tmp_path):
@@ -209,21 +150,18 @@ def test_graft_folder_leaves_out_clips_in_one_line(succeed, fail, folder, tmp_pa
 
 
 def test_export_cycle_writes_what_cut_cycle_returns(succeed):
-    motion = dance(strides=4).motion[550:700]
-    mg.write_bvh(motion, "walk.bvh")
-    cycle, frames = mg.cut_cycle(mg.read_bvh("walk.bvh"))
-    mg.write_bvh(cycle, "python.bvh")
-    words = "export", "walk.bvh", "--cycle", "-o", "program.bvh", "--json"
-    document = json.loads(succeed(*words)[0])
-    assert Path("program.bvh").read_bytes() == Path("python.bvh").read_bytes()
-    assert document["cycles"] == [list(frames)]
-    words = "export", "walk.bvh", "--frames", "5-140", "--cycle", "2", "-o", "part.bvh", "--json"
-    first, last = json.loads(succeed(*words)[0])["cycles"][0]
-    part, (start, stop) = mg.cut_cycle(mg.read_bvh("walk.bvh")[5:141], 2.0)
-    assert (first, last) == (start + 5, stop + 5)
-    assert mg.read_bvh("part.bvh").n_frames == part.n_frames
-    document = json.loads(succeed("info", "program.bvh", "--json")[0])
-    assert document["files"][0]["loop"]
+    mg.write_bvh(dance(strides=4).motion[550:700], "walk.bvh")
+    walk = mg.read_bvh("walk.bvh")
+    for words, first, whole, seconds in (
+        (["--cycle"], 0, walk, None),
+        (["--frames", "5-140", "--cycle", "2"], 5, walk[5:141], 2.0),
+    ):
+        cycle, (start, stop) = mg.cut_cycle(whole, seconds)
+        mg.write_bvh(cycle, "python.bvh")
+        out = succeed("export", "walk.bvh", *words, "-o", "program.bvh", "--json", "--force")[0]
+        assert json.loads(out)["cycles"] == [[first + start, first + stop]]
+        assert Path("program.bvh").read_bytes() == Path("python.bvh").read_bytes()
+    assert json.loads(succeed("info", "program.bvh", "--json")[0])["files"][0]["loop"]
 
 
 def test_export_turn_and_avoid_write_what_bend_returns(succeed):

@@ -5,6 +5,7 @@ import pytest
 from mograft import write_bvh
 from mograft.cli import main
 from mograft.dancer import dance
+from tests.exit_codes import exit_code
 
 USAGE, RUNTIME, INVALID, INFEASIBLE = 2, 1, 3, 4
 ROBOT = (
@@ -29,31 +30,21 @@ MISTAKES = [
      "--swap arms"),
     ("graft a.bvh -o x --reach 9:hand.l:0,90,0", RUNTIME, "no joint is named 'hand.l'; did you "
      "mean 'LeftHand', the same body part?"),
-    ("graft a.bvh -o x --reach 9:LeftHand:@+0,0,0", USAGE, "FRAME:JOINT:@PART+LEFT,UP,FORWARD"),
     ("graft a.bvh -o x --swap lower", RUNTIME, "g.toml writes, and use --groups g.toml"),
-    ("graft a.bvh -o x --swap uper", RUNTIME, "choose from upper; did you mean 'upper'?"),
     ("graft a.bvh -o x --only-from aa", RUNTIME, "--only-from must match at least one of a; got"),
     ("graft a.bvh -o x --only-tagged slow", RUNTIME, "--only-tagged must be left out, as"),
-    ("graft a.bvh -o x --take 3=aa:0-9", RUNTIME, "got 'aa'; did you mean 'a'?"),
     ("candidates lib --segment 1 --clip walkk", RUNTIME, "--clip must be a clip, one of dance,"),
     ("candidates a.bvh --segment 1 --group lower", RUNTIME, "--group must be one of upper, not"),
-    ("candidates a.bvh --segment 1 --group uper", RUNTIME, "got 'uper'; did you mean 'upper'?"),
     ("plot pca a.bvh -o x.png --group lowr", RUNTIME, "got 'lowr'; did you mean 'lower'?"),
     ("view lib --clip walkk -o x.html", RUNTIME, "got 'walkk'; did you mean 'walk'?"),
     ("graft a.bvh -o x --groups lower_uper", USAGE, "'lower_uper'; did you mean 'lower_upper'?"),
     ("graft a.bvh -o x --scenario graph --among wlk", RUNTIME, "--among must match"),
     ("evaluate balance", USAGE, "expected one library or at least one motion file"),
-    ("evaluate a.bvh --rate 0", USAGE, "--rate: must be frames per second above 0, got 0"),
     ("evaluate a.bvh qualiti", USAGE, "got qualiti; did you mean 'quality'?"),
-    ("graft a.bvh -o x --base othr.bvh", RUNTIME, "got 'othr.bvh'; did you mean 'other.bvh'?"),
-    ("graft a.bvh -o x --take 3=a:5-9", RUNTIME, "got 5-9; most of frames 5-9 "),
     ("graft a.bvh -o x --take 299=a:0-9", RUNTIME, "got 299; frame 299 is in segment "),
-    ("graft a.bvh -o x --take 300=a:0-9", RUNTIME, "got 300; the last frame is 299, in segment "),
     ("graft a.bvh -o x --ban 999=a", RUNTIME, "segment of --ban must be 0 to"),
-    ("graft a.bvh -o x --set seem=offset", USAGE, "'seem' is no field of Config; did you mean"),
     ("graft a.bvh -o x --set variety=1", USAGE, "no field of Config; `variety` sets"),
     ("graft --from a.bvh -o x", INVALID, "expected the JSON file that is written beside a new"),
-    ("graft a.bvh -o x --face b", USAGE, "argument --face: expected a point X,Y,Z, got b"),
     ("graft a.bvh -o x --change legs@0-9", RUNTIME, "got 'legs', which is no name of a group "
      "or part; the base group 'lower' keeps its motion; to exchange it, set another base"),
     ("graft a.bvh b.bvh -o x --base a --change upper@0-90=b:280-400", RUNTIME, "did you mean "
@@ -61,6 +52,8 @@ MISTAKES = [
     ("graft a.bvh -o x --set seam", USAGE, "offset, with a field of docs/settings.md, got seam"),
     ("graft a.bvh -o x --set segmentation=no.json", RUNTIME, "no.json: No such file or directory"),
     ("index b.bvh -o lib --add --set segmentation=energy", USAGE, "--set is fixed when"),
+    ("graft lib -o x --groups lower_upper", USAGE, "--groups is fixed when a library is created"),
+    ("index b.bvh -o lib --add --match names", USAGE, "--match is fixed when a library is"),
     ("graft lib -o x --set segmentation=energy", USAGE, "--set segmentation is fixed when"),
     ("config show grapht", USAGE, "got grapht; did you mean 'graft'?"),
     ("graft a.bvh -o x --change 5-9", USAGE, "--change: expected GROUP@FIRST-LAST"),
@@ -70,12 +63,9 @@ MISTAKES = [
     ("graft a.bvh -o x --change upper@300-", RUNTIME, "got 300-301; did you mean 298-299?"),
     # Files
     ("info othr.bvh", RUNTIME, "othr.bvh: No such file or directory; did you mean 'other.bvh'?"),
-    ("graft clips/wlk.bvh -o x", RUNTIME, "file or directory; did you mean 'clips/walk.bvh'?"),
     ("lib info libb", RUNTIME, "libb: no such library; did you mean 'lib'?"),
     ("graft empty -o x", RUNTIME, "empty: no motion file in this folder"),
     ("info broken.bvh", INVALID, "broken.bvh:4:2: expected OFFSET"),
-    ("export broken.glb -o x.bvh", INVALID, "broken.glb: byte 8: expected"),
-    ("graft zero.bvh -o x", INVALID, "zero.bvh:113:9: expected at least 1 frame, got Frames: 0"),
     ("graft a.bvh other.bvh -o x", RUNTIME, "also has LeftElbow, unlike"),
     ("graft a.bvh -o x --base other.bvh", RUNTIME, "unlike a in the library; the "
      "base must have the hierarchy of the clips, unless joints are matched by anatomy (--match"),
@@ -104,7 +94,6 @@ MISTAKES = [
       in (("check", ""), ("info", ""), ("graft", " -o x"), ("view", " -o x.html"))),
     ("info text", INVALID, "text: expected a motion file (.bvh, .glb, .gltf, .fbx, .npz, .csv, "),
     ("info zzzzzz.bvh", RUNTIME, "or directory; the folder has a.bvh, b.bvh, broken.bvh"),
-    ("view a.bvh -o x.html --character b.bvh", INVALID, "b.bvh: expected a glTF file (.glb,"),
     ("studio clips -o a.bvh", USAGE, "-o must be a folder, got a.bvh"),
     ("studio clips -o text", RUNTIME, "text is a file; expected a folder"),
     ("plot strip clips -o x.png", RUNTIME, "one motion, got 2: give one of clips/dance.bvh, "),
@@ -114,15 +103,9 @@ MISTAKES = [
     ("augment lib -o x -n 2 --seconds 100", RUNTIME, "--seconds must be at most 10, the longest "
      "span without faults of the base clips of all, got 100"),
     ("view a.bvh -o x.html --clip a", USAGE, "--clip requires a library; of files, give FILE or"),
-    ("play a.bvh --vmc 39539", USAGE, "must be HOST or HOST:PORT"),
-    ("augment lib -n 1000000000 -o s", USAGE, "must be from 1 to 10000000, got 1000000000"),
     ("play a.bvh b.bvh --vmc 127.0.0.1", RUNTIME, "got 2: give one of a.bvh, b.bvh"),
     ("graft n.json -o x", USAGE, "n.json is no motion; --from n.json makes a graft again"),
     ("graft a.bvh -o x --model robot.xml", USAGE, "--model requires motions of a robot, such as"),
-    ("graft a.bvh -o x --model a.bvh", INVALID, "line 1: expected XML of a robot (MJCF, URDF):"),
-    ("graft a.bvh -o x --swap right_arm", RUNTIME, "; --groups lower_torso_larm_rarm has"),
-    ("plot pca a.bvh -o x.png --group arms", RUNTIME, "; --groups lower_torso_arms has the"),
-    ("graft a.bvh -o x --ban head:3", RUNTIME, "--groups lower_torso_head_larm_rarm has"),
     ("groups a.bvh --preset arms", USAGE, "arms is no preset: use lower_torso_arms"),
     ("graft a.bvh -o x --outputs 3", USAGE, "did you mean '-n', the number of motions?"),
     ("curate lib -n 3", USAGE, "unexpected words -n 3; did you mean '--keep', how much"),
@@ -147,8 +130,6 @@ MISTAKES = [
     ("graft a.bvh -o x --groups auto:1", USAGE, "--groups: must be auto or auto:N with a whole "
      "number N of at least 2, got 'auto:1'"),
     ("groups a.bvh --preset auto:x", USAGE, "--preset: must be auto or auto:N"),
-    ("graft a.bvh -o x --groups auto:9", RUNTIME, "`n` must be a number of groups from 2 to 4 for "
-     "these clips, got 9: groups consist of whole chains of joints between branchings of the"),
     # Outputs
     ("graft a.bvh -o x.csv", USAGE, "mograft export writes .csv from a .bvh file"),
     ("graft lib -o x.csv", RUNTIME, "may end with .csv only for a robot"),
@@ -164,10 +145,8 @@ MISTAKES = [
     ("graft a.bvh -o x --as new", USAGE, "--as requires a .glb file and a single motion"),
     ("graft a.bvh -o x.glb -n 2 --as new", USAGE, "--as requires a .glb file and a single motion"),
     ("graft a.bvh -o x.bvh -n 3", USAGE, "-o must be a folder, or a .glb or .npz file, if -n"),
-    ("view a.bvh -o x.txt", USAGE, "-o must be a file that ends in .html, .htm, got x.txt"),
     ("export a.bvh -o x.fbx", USAGE, "-o cannot be .fbx: write .glb or .bvh"),
     ("plot pie a.bvh -o x.png", USAGE, "must be one of strip, timeline, energy,"),
-    ("plot pca a.bvh -o x.jpg", USAGE, "-o must be a file that ends in .png, .svg, .pdf"),
     ("export --cycle a.bvh -o x.bvh", USAGE, "seconds above 0, or no value, after FILE, for the"),
     ("export a.bvh -o x.bvh --cycle 9", RUNTIME, "has no cycle of 6.75 to 11.2 s"),
     ("export a.bvh -o x.bvh --turn left", USAGE, "in degrees, above 0 for left, such as 90, got"),
@@ -176,7 +155,6 @@ MISTAKES = [
     ("export a.bvh -o x.gif --scale cm", USAGE, "--scale requires .glb, .usd"),
     ("index a.bvh -o x.bvh", USAGE, "-o must be a folder, got x.bvh"),
     ("lib export lib --format npz -o x", USAGE, "-o must be a file that ends in .npz, got x"),
-    ("groups a.bvh -o x.json", USAGE, "-o must be a file that ends in .toml, got x.json"),
     ("graft a.bvh -o a.bvh/x", RUNTIME, "a.bvh is a file; expected a folder"),
     ("demo -o text --force", RUNTIME, "text is a file; expected a folder"),
     ("index a.bvh -o lib", RUNTIME, "lib exists; use --force to replace a library"),
@@ -187,7 +165,6 @@ MISTAKES = [
      "(9.96667 s), got 0-999999"),
     ("candidates a.bvh --frame 99s", RUNTIME, "0 to 299 (9.96667 s) in a, got 2970; "
      "did you mean 299?"),
-    ("graft a.bvh -o x --distinct 181", USAGE, "must be an angle from 0 to 180, such as 5 ("),
     ("export a.bvh -o x.csv --frames 100-900", RUNTIME, "--frames must be two or more"),
     ("graft a.bvh -o x --avoid cube:0,0,0,1", USAGE, "got cube"),
     ("graft a.bvh -o x --avoid sphere:0,0,0", USAGE, "expected sphere:X,Y,Z,RADIUS, got sphere:0"),
@@ -205,24 +182,18 @@ MISTAKES = [
     ("stream a.bvh --port 0 --delay inf", USAGE, "must be seconds of at least 0, such as 0.5, got"),
     ("studio text", USAGE, "text is neither a motion file, nor a project.json or a library"),
     ("graft a.bvh -o x --scenario graph --duration 1e300", RUNTIME, "at most 86400 s, got 1e+300"),
-    ("graft a.bvh -o x --scenario graph --beats 60 --duration 0.5", RUNTIME,
-     "--beats must contain at least two times in seconds, got 1"),
     ("graft a.bvh -o x --scenario graph --beats 1e300", RUNTIME,
      "--beats must be at most 1800 beats per minute, one per frame, got 1e+300"),
-    ("graft a.bvh -o x --scenario graph --path 0,0:0,0", RUNTIME, "--path must have at least two"),
     ("export a.bvh -o x.gif --rate 100", RUNTIME, "--rate must be above 0 and at most 50"),
-    ("export a.bvh -o x.gif --size 100x101", RUNTIME, "--size must be even numbers from 64"),
     ("plot timeline a.bvh -o x.png --frames 900-950", RUNTIME, "the first within 0-299, got (900"),
     ("graft a.bvh -o x --max-stretch nan", USAGE, "must be a fraction from 0 to 3, such as 0.3"),
     ("export a.bvh -o x.glb --scale mile", USAGE, "m, cm, mm, inch, CMU or the metres of a"),
     ("graft a.bvh -o x --set sigma_scale=nan", USAGE, "--set: `sigma_scale` must be above 0"),
-    ("graft a.bvh -o x --reach 5:Hand:1,2", USAGE, "expected FRAME:JOINT:X,Y,Z[~TOL]"),
     ("graft a.bvh -o x --take 24", USAGE, "LAST as mograft candidates lists it, such as 24=walk"),
     ("graft a.bvh -o x --keep 3s-4", USAGE, "such as 100-400 or 3.3s-13.3s, got 3s-4"),
     ("export a.bvh -o x.npz --tracker isaac", USAGE, "for a motion of a robot that --model gives"),
     ("graft a.bvh -o x --face 10-20:0,90,0", USAGE, "did you mean '0,90,0@10-20'?"),
     ("export a.bvh -o x.npz --frames 10..20", USAGE, "got 10..20; did you mean '10-20'?"),
-    ("augment a.bvh -o x -n 2 --seconds 2,5", USAGE, "must be seconds above 0, got 2,5"),
     ("graft a.bvh -o x --set seam_blend:0.6", USAGE, "did you mean 'seam_blend=0.6'?"),
     ("graft a.bvh -o x --ban 3=", USAGE, "expected SEGMENT, SEGMENT=CLIP or"),
     ("graft a.bvh -o x --only-violations -n 2", USAGE,
@@ -230,16 +201,12 @@ MISTAKES = [
     ("graft -o x", USAGE, "expected LIB or FILE"),
     ("candidates a.bvh --segment 1 --frame 2", USAGE, "--frame is required, got both"),
     ("augment a.bvh -o x -n 2 --part test", USAGE, "--part requires --split"),
-    ("stream a.bvh", USAGE, "one of --port, --socket and --vmc-in is required"),
     ("plot pca a.bvh -o x.png --frames 1-5", USAGE, "--frames requires strip, timeline, energy"),
     ("plot strip a.bvh -o x.png --group lower", USAGE, "--group requires pca, dendrogram"),
     ("graft a.bvh -o x --scenario graph --length 1", USAGE, "--length: must be at least 2 frames"),
     ("graft a.bvh -o x --scenario graph --length 9 --beats 90", USAGE,
      "--length cannot be combined with --beats"),
     ("graft a.bvh -o x --scenario graph --path 1,2", USAGE, "must be at least two corners"),
-    ("graft a.bvh -o x --reach 9000:LeftHand:0,0,0", RUNTIME, "frames of --reach must be within"),
-    ("candidates a.bvh --segment 3 --avoid sphere:0,0,0,1@900-910", RUNTIME,
-     "frames of --avoid must be within 0 to 299"),
     ("graft --from n.json -o x --seed 0", USAGE, "--seed cannot be combined with --from"),
     ("graft --from n.json -o x --ban 3 --swap upper", USAGE, "--swap cannot be combined with"),
     ("graft --from n.json -o x --take :3=b:0-9", USAGE, "expected SEGMENT=CLIP:FIRST-LAST"),
@@ -268,9 +235,6 @@ def mistakes_folder(tmp_path_factory):
     text = (folder / "a.bvh").read_text()
     (folder / "other.bvh").write_text(text.replace("LeftForeArm", "LeftElbow"))
     (folder / "broken.bvh").write_text(text.replace("OFFSET", "OFSET", 1))
-    (folder / "broken.glb").write_bytes(b"glTF\2\0\0\0\x20\0\0\0")
-    head = text[: text.index("Frames:")]
-    (folder / "zero.bvh").write_text(f"{head}Frames: 0\nFrame Time: 0.033\n")
     (folder / "text").write_text("text")
     (folder / "tags.csv").write_text("clip,tags\nwalk,slow\n")
     (folder / "robot.xml").write_text(ROBOT)
@@ -297,15 +261,10 @@ def test_mistake_has_message_and_exit_code_and_writes_nothing(
 ):
     monkeypatch.chdir(mistakes_folder)
     before = contents(mistakes_folder)
-    try:
-        found = main(words.split())
-    except SystemExit as stop:
-        found = stop.code
+    found = exit_code(words.split())
     out, err = capsys.readouterr()
-    assert found == code, err
+    assert (found, out) == (code, ""), err
     assert message in err.splitlines()[-1]
     assert err.splitlines()[-1].startswith("error: ")
     assert sum(line.startswith("usage: ") for line in err.splitlines()) == (code == USAGE)
-    assert "Traceback" not in err
-    assert out == ""
     assert contents(mistakes_folder) == before

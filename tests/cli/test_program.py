@@ -9,7 +9,7 @@ from importlib import metadata
 import pytest
 
 import mograft
-from mograft.cli import COMMANDS, main
+from mograft.cli import main
 
 SHELLS = {
     "bash": "source {script}; COMP_WORDS=({words}); COMP_CWORD={at}; "
@@ -48,19 +48,9 @@ def test_completion_shells_complete_commands_options_and_choices(
     assert all(word.startswith(words[-1]) for word in found)
 
 
-def test_completion_scripts_name_commands(run):
-    pytest.importorskip("shtab", reason="shtab is not installed")
-    for shell in ("bash", "zsh", "fish", "tcsh"):
-        text = run("completion", shell)[1]
-        for command in COMMANDS:
-            assert command.name in text, (shell, command.name)
-
-
-def test_completion_missing_shtab_names_extra(run, monkeypatch):
+def test_completion_missing_shtab_names_extra(fail, monkeypatch):
     monkeypatch.setitem(sys.modules, "shtab", None)
-    code, out, err = run("completion", "bash")
-    assert (code, out) == (1, "")
-    assert "pip install 'mograft[completion]'" in err
+    assert "pip install 'mograft[completion]'" in fail(1, "completion", "bash")
 
 
 def checks(capsys, code):
@@ -77,9 +67,7 @@ def test_doctor_complete_installation_returns_0(capsys):
     assert found["numpy"] == {"what": "numpy", "state": "ok", "detail": metadata.version("numpy")}
     assert found["a graft"]["detail"] == "300 frames created"
     assert main(["doctor"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == len(found)
-    assert lines[0] == f"ok      mograft: {mograft.__version__}"
+    assert capsys.readouterr().out.startswith(f"ok      mograft: {mograft.__version__}\n")
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
+from mograft.analysis import segmentation
 from mograft.cli import COMMANDS, main
 from mograft.cli.syntax.parser import CONFIG_FILE, find_settings
 from mograft.config import CHOICES
@@ -81,23 +82,19 @@ def test_find_settings_each_option_takes_nearest_source(tmp_path_factory, values
         assert setting.origin == (nearest.format(name.upper()) if is_variable else file)
 
 
-def test_config_show_output_is_valid_config_file(run, succeed, working_folder):
+def test_config_show_output_is_valid_config_file(succeed, working_folder):
     Path(CONFIG_FILE).write_text('[plot]\ndark = true\ngroups = "lower_torso_arms"\n')
     out = succeed("config", "show")[0]
-    shown = tomllib.loads(out)
-    assert shown["plot"]["dark"] is True
-    assert shown["plot"]["groups"] == "lower_torso_arms"
+    shown = tomllib.loads(out)["plot"]
+    assert (shown["dark"], shown["groups"]) == (True, "lower_torso_arms")
     # The output, saved as a configuration file, gives the same settings.
     Path(CONFIG_FILE).write_text(out)
-    assert run("config", "show")[1] == out
-    out = run("config", "show", "plot", "--origin")[1]
-    origins = {line.split(" = ")[0]: line.split("# ")[-1] for line in out.splitlines()}
-    assert origins["dark"] == str(working_folder / CONFIG_FILE)
+    assert succeed("config", "show")[0] == out
+    assert f"# {working_folder / CONFIG_FILE}" in succeed("config", "show", "plot", "--origin")[0]
     Path(CONFIG_FILE).unlink()
-    document = json.loads(run("config", "show", "plot", "--json")[1])
+    document = json.loads(succeed("config", "show", "plot", "--json")[0])
     assert document["file"] is None
-    assert {s["origin"] for s in document["settings"]} == {"default"}
-    assert {s["command"] for s in document["settings"]} == {"plot"}
+    assert {(s["command"], s["origin"]) for s in document["settings"]} == {("plot", "default")}
 
 
 @pytest.mark.parametrize("text", ['a"b', "a\\b", "\x7f\t\n", "é", "\N{GRINNING FACE}"])
@@ -123,10 +120,11 @@ def test_settings_groups_path_is_relative_to_config_file(run, clip, working_fold
     assert groups == {"torso", "arms"}
 
 
-def test_settings_without_effect_are_not_refused(succeed, usage_error, clip):
+def test_settings_without_effect_are_not_refused(succeed, clip):
     succeed("index", clip, "-o", "lib")
     Path(CONFIG_FILE).write_text(
         'groups = "lower_torso_arms"\n[index]\nvariety = 0.9\n[export]\nscale = "cm"\ndark = true\n'
+        "[graft]\nbeats = 90\n"
     )
     for words in (
         ("index", clip, "-o", "lib", "--add"),
@@ -137,10 +135,6 @@ def test_settings_without_effect_are_not_refused(succeed, usage_error, clip):
         ("export", clip, "-o", "x.csv"),
     ):
         succeed(*words)
-    assert "fixed when a library is created" in usage_error(
-        "graft", "lib", "-o", "y.bvh", "--groups", "lower_upper"
-    )
-    assert "--scale requires .glb" in usage_error("export", clip, "-o", "y.csv", "--scale", "cm")
 
 
 @pytest.mark.parametrize(
@@ -170,8 +164,9 @@ def test_settings_invalid_file_is_usage_error_with_place(usage_error, clip, text
     assert stop.value.code == 0
 
 
-@pytest.mark.parametrize(("name", "value"), [("SEED", "x"), ("SET", "whim"), ("REPORT", "yes")])
-def test_settings_invalid_variable_is_named(usage_error, clip, monkeypatch, name, value):
+@pytest.mark.parametrize("setting", ["SEED=x", "SET=whim", "REPORT=yes"])
+def test_settings_invalid_variable_is_named(usage_error, clip, monkeypatch, setting):
+    name, _, value = setting.partition("=")
     monkeypatch.setenv(f"MOGRAFT_{name}", value)
     text = usage_error("graft", clip, "-o", "x.bvh")
     assert f"MOGRAFT_{name}" in text
@@ -184,30 +179,28 @@ def test_settings_exclude_output_force_json_and_help():
         assert flags.isdisjoint({"-o", "--output", "--force", "--json", "--help"}), command.name
 
 
-VARIETY_CASES = [
-    # settings, options of the command line, sigma_scale or None for an error
-    ("", ("--variety", 1), 1.875),
-    ("", ("--set", "sigma_scale=2"), 2.0),
-    ("", ("--variety", 1, "--set", "sigma_scale=2"), None),
-    ("variety = 1", (), 1.875),
-    ("variety = 1", ("--set", "sigma_scale=2"), 2.0),
-    ("variety = 1", ("--variety", 0), 0.3),
-    ("[set]\nsigma_scale = 2", ("--variety", 1), 1.875),
-    ("variety = 1\n[set]\nsigma_scale = 2", (), None),
-]
-
-
-@pytest.mark.parametrize(("settings", "words", "expected"), VARIETY_CASES)
+@pytest.mark.parametrize(
+    ("settings", "words", "expected"),
+    [
+        ("", "--variety 1", 1.875),
+        ("", "--set sigma_scale=2", 2.0),
+        ("", "--variety 1 --set sigma_scale=2", None),
+        ("variety = 1", "", 1.875),
+        ("variety = 1", "--set sigma_scale=2", 2.0),
+        ("variety = 1", "--variety 0", 0.3),
+        ("[set]\nsigma_scale = 2", "--variety 1", 1.875),
+        ("variety = 1\n[set]\nsigma_scale = 2", "", None),
+    ],
+)
 def test_variety_and_sigma_scale_nearest_source_wins_and_both_are_an_error(
-    run, usage_error, clip, settings, words, expected
+    succeed, usage_error, clip, settings, words, expected
 ):
     Path(CONFIG_FILE).write_text(settings)
-    options = ["graft", clip, "-o", "x.bvh", "--json", *words]
+    options = ["graft", clip, "-o", "x.bvh", "--json", *words.split()]
     if expected is None:
-        text = usage_error(*options)
-        assert "--variety sets sigma_scale: give one of them, not both" in text
+        assert "--variety sets sigma_scale: give one of them, not both" in usage_error(*options)
     else:
-        found = json.loads(run(*options)[1])["grafts"][0]["config"]["sigma_scale"]
+        found = json.loads(succeed(*options)[0])["grafts"][0]["config"]["sigma_scale"]
         assert found == pytest.approx(expected)
 
 
@@ -217,44 +210,37 @@ FIELD_VALUES = {float: st.floats(0, 1e9), int: st.integers(2, 99), bool: st.bool
 @pytest.mark.parametrize(
     "words",
     [
-        "graft {folder} -o x --set smoothing=0.2",
-        "candidates {folder} --segment 1 --set smoothing=0.2",
-        "view {folder} -o x.html --set smoothing=0.2",
-        "plot energy {folder}/a.bvh -o x.png --set smoothing=0.2",
-        "plot timeline {folder} -o x.png --set smoothing=0.2",
-        "index {folder} -o x --set smoothing=0.2",
+        "graft FOLDER -o x",
+        "candidates FOLDER --segment 1",
+        "view FOLDER -o x.html",
+        "plot energy FOLDER/a.bvh -o x.png",
+        "plot timeline FOLDER -o x.png",
+        "index FOLDER -o x",
     ],
 )
-def test_commands_segment_by_the_given_fields(words, folder, monkeypatch):
+def test_commands_segment_by_the_given_fields(words, succeed, folder, monkeypatch):
     pytest.importorskip("matplotlib")
-    used = []
-    from mograft.analysis import segmentation
+    used, original = [], segmentation.segment_clip
 
-    original = segmentation.segment_clip
+    def segment_clip(motion, config, rate):
+        used.append(config.smoothing)
+        return original(motion, config, rate)
+
     for module in ("analysis.segmentation", "library.ingest"):
-        monkeypatch.setattr(
-            f"mograft.{module}.segment_clip",
-            lambda motion, config, rate: (
-                used.append(config.smoothing) or original(motion, config, rate)
-            ),
-        )
-    assert main([word.format(folder=folder) for word in words.split()]) == 0
+        monkeypatch.setattr(f"mograft.{module}.segment_clip", segment_clip)
+    succeed(*words.replace("FOLDER", str(folder)).split(), "--set", "smoothing=0.2")
     assert set(used) == {0.2}
 
 
-def test_cut_frames_are_read_from_a_json_file(succeed, usage_error, folder, working_folder):
-    (working_folder / "cuts.json").write_text(json.dumps({"a": [20, 50], "b": [7]}))
-    succeed("index", folder, "-o", "lib", "--set", "segmentation=cuts.json")
+def test_cut_frames_are_read_from_a_json_file(succeed, usage_error, folder):
+    words = ("--set", "segmentation=cuts.json")
+    Path("cuts.json").write_text(json.dumps({"a": [20, 50], "b": [7]}))
+    succeed("index", folder, "-o", "lib", *words)
     assert mg.Library.open("lib").segments.start.tolist() == [0, 20, 50, 0, 7]
     assert "segments by given cut frames" in succeed("lib", "info", "lib")[0]
-    for text, message in [
-        ("[1]", "a mapping from names of clips"),
-        ("{", "cuts.json: Expecting"),
-        ('{"a": [2, 1]}', "for the clip 'a' must be ascending"),
-    ]:
-        (working_folder / "cuts.json").write_text(text)
-        words = ("graft", folder, "-o", "x", "--set", "segmentation=cuts.json")
-        assert message in usage_error(*words)
+    for text, message in [("[1]", "a mapping from names of clips"), ("{", "cuts.json: Expecting")]:
+        Path("cuts.json").write_text(text)
+        assert message in usage_error("graft", folder, "-o", "x", *words)
 
 
 @given(st.data())

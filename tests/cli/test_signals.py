@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from mograft.cli import main
-from tests.cli.test_process import assert_complete, running, start, wait_until
+from tests.cli.test_process import assert_complete, running, wait_until
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/stat").exists(), reason="finds processes in /proc"
@@ -21,52 +21,27 @@ pytestmark = pytest.mark.skipif(
 SIGNALS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
 
 
-def list_session(session):
-    """Return the ids of the processes of a session that have not ended."""
+def list_session(session, words=b""):
+    """Return the ids of the processes of a session that have not ended, with words of a command."""
     found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            state, _, _, other = stat.read_text().rpartition(")")[2].split()[:4]
-        except OSError:
-            continue  # the process has ended
-        if int(other) == session and state not in "ZX":
-            found.append(int(stat.parent.name))
-    return found
-
-
-def wait_until_session_ends(session):
-    """Wait until all processes of a session have ended."""
-    for _ in range(6_000):
-        if not list_session(session):
-            return
-        time.sleep(0.01)
-    raise AssertionError(f"processes are left: {list_session(session)}")
-
-
-def list_workers(session):
-    """Return the ids of the worker processes of a session."""
-    found = []
-    for each in list_session(session):
+    for folder in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):  # the process has ended
-            if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes():
-                found.append(each)
+            state, _, _, other = (folder / "stat").read_text().rpartition(")")[2].split()[:4]
+            if int(other) == session and state not in "ZX":
+                found += [int(folder.name)] * (words in (folder / "cmdline").read_bytes())
     return found
 
 
-def has_motions(child):  # noqa: ARG001
-    return any(Path().glob("out/*.bvh"))
+def wait_until_session_ends(child):
+    """Wait until a process and all others of its session have ended; return what it printed."""
+    out, err = child.communicate(timeout=60)
+    wait_until(lambda: not list_session(child.pid))
+    return out, err
 
 
-def has_frames(child):  # noqa: ARG001
-    return any(Path().glob(".lib*/*/frames*"))
-
-
-def has_draft(child):  # noqa: ARG001
-    return any(path.suffix == ".part" for path in Path().iterdir())
-
-
-def has_socket(child):  # noqa: ARG001
-    return Path("socket").exists()
+def has_workers(child):
+    is_begun = any(Path().glob(".lib*/*/frames*"))
+    return is_begun and len(list_session(child.pid, b"spawn_main")) == 2
 
 
 def is_drawing(child):
@@ -81,14 +56,15 @@ GIF = ["export", "SLOW", "-o", "x.gif", "--size", "64x64", "--rate", "50"]
 MP4 = ["export", "SLOW", "-o", "x.mp4", "--size", "1920x1080", "--rate", "50"]
 # Each command has work for minutes, a GIF for half of one.
 COMMANDS = {
-    "graft": (["graft", "CLIP", "-o", "out", "-n", "3000"], has_motions),
-    "index": (["index", "MANY", "-o", "lib"], has_frames),
-    "index workers": (["index", "MANY", "-o", "lib", "-j", "2"], has_frames),
-    "export": (GIF, is_drawing),
-    "export, writing": (GIF, has_draft),
-    "film": (MP4, has_draft),
-    "stream": (["stream", "CLIP", "--socket", "socket"], has_socket),
+    "graft": (["graft", "CLIP", "-o", "out", "-n", "3000"], "out/*.bvh"),
+    "index": (["index", "MANY", "-o", "lib"], ".lib*/*/frames*"),
+    "index workers": (["index", "MANY", "-o", "lib", "-j", "2"], ".lib*/*/frames*"),
+    "export": (GIF, None),
+    "export, writing": (GIF, "*.part"),
+    "film": (MP4, "*.part"),
+    "stream": (["stream", "CLIP", "--socket", "socket"], "socket"),
 }
+"""Words of commands, and the files that exist while they run; None while they draw."""
 
 
 def make_cases():
@@ -111,14 +87,13 @@ def places(clip, folder_of_many_clips, slow_clip):
 
 def end_by_signal(name, number, places):
     """Run a command and end it by a signal; return the seconds until all its processes ended."""
-    words, is_running = COMMANDS[name]
+    words, files = COMMANDS[name]
     with running(*(places.get(word, word) for word in words)) as child:
-        wait_until(lambda: is_running(child), child)
+        wait_until(lambda: any(Path().glob(files)) if files else is_drawing(child), child)
         # Only Ctrl-C reaches the workers as well.
         (os.killpg if number == signal.SIGINT else os.kill)(child.pid, number)
         begin = time.monotonic()
-        _, err = child.communicate(timeout=60)
-        wait_until_session_ends(child.pid)
+        _, err = wait_until_session_ends(child)
         seconds = time.monotonic() - begin
     assert child.returncode == SIGNALS[number]
     assert err.splitlines()[-1] in ("interrupted", "terminated", "the terminal was closed")
@@ -161,18 +136,16 @@ def test_signal_while_adding_keeps_library_and_removes_new_generation(
 @pytest.mark.usefixtures("working_folder")
 def test_killed_command_workers_end(folder_of_many_clips):
     with running("index", folder_of_many_clips, "-o", "lib", "-j", "2") as child:
-        wait_until(lambda: has_frames(child) and len(list_workers(child.pid)) == 2, child)
+        wait_until(lambda: has_workers(child), child)
         child.kill()
-        child.communicate(timeout=60)
-        wait_until_session_ends(child.pid)
+        wait_until_session_ends(child)
 
 
 def test_killed_worker_raises_clear_error(working_folder, folder_of_many_clips):
     with running("index", folder_of_many_clips, "-o", "lib", "-j", "2") as child:
-        wait_until(lambda: has_frames(child) and len(list_workers(child.pid)) == 2, child)
-        os.kill(list_workers(child.pid)[0], signal.SIGKILL)
-        _, err = child.communicate(timeout=60)
-        wait_until_session_ends(child.pid)
+        wait_until(lambda: has_workers(child), child)
+        os.kill(list_session(child.pid, b"spawn_main")[0], signal.SIGKILL)
+        _, err = wait_until_session_ends(child)
     assert child.returncode == 1
     assert err.startswith("error: a worker process was killed")
     assert len(err.splitlines()) == 1
@@ -260,17 +233,3 @@ def test_signal_while_python_imports_or_ends_gives_the_promised_code(number):
     child = run(after=ENDS)
     assert (child.returncode, child.stderr) == (0, "")
     assert child.stdout.startswith("mograft ")
-
-
-@pytest.mark.thorough
-def test_interrupt_at_random_moments_prints_no_traceback_of_the_package(clip):
-    """Before the first lines of the program, Python itself prints a traceback."""
-    moments = random.Random(1)
-    for _ in range(200):
-        child = start("info", clip)
-        time.sleep(moments.uniform(0, 0.6))
-        child.send_signal(signal.SIGINT)
-        _, err = child.communicate(timeout=60)
-        assert child.returncode in (0, 130, -signal.SIGINT) or "mograft" not in err
-        assert "mograft/cli" not in err
-        assert "mograft/_util" not in err
