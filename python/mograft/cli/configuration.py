@@ -209,7 +209,12 @@ def _with_options(
         given, configured = parse_fields(options.set), parse_fields(options.configured)
         if is_stored:
             configured = {k: value for k, value in configured.items() if k not in _FIXED_FIELDS}
-        fields = _with_variety(configured, given, options)
+        variety = getattr(options, "variety", None)
+        if variety is not None:  # of the command line, it replaces a setting
+            if "sigma_scale" in (configured if "variety" in options.origins else given):
+                raise ValueError("--variety sets sigma_scale: give one of them, not both")
+            configured["sigma_scale"] = scale_of_variety(variety)
+        fields = configured | given
         path = fields.get("segmentation")
         if isinstance(path, str) and path.endswith(".json"):
             fields["segmentation"] = read_document(Path(path))
@@ -218,18 +223,6 @@ def _with_options(
         return mg.Config.from_dict(config.as_dict() | fields)
     except (TypeError, ValueError) as error:
         raise UsageError(f"--set: {error}") from None
-
-
-def _with_variety(
-    configured: dict[str, Any], given: dict[str, Any], options: FieldOptions
-) -> dict[str, Any]:
-    """Return the fields of ``--set`` and ``--variety``; the command line replaces settings."""
-    variety = getattr(options, "variety", None)
-    if variety is None:
-        return configured | given
-    if "sigma_scale" in (configured if "variety" in options.origins else given):
-        raise ValueError("--variety sets sigma_scale: give one of them, not both")
-    return configured | {"sigma_scale": scale_of_variety(variety)} | given
 
 
 def _with_limits(

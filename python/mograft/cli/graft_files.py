@@ -54,20 +54,6 @@ def with_target(options: GraftOptions) -> GraftOptions:
     return replace(options, output=target, into=into)
 
 
-def check_targets(
-    paths: Iterable[Path],
-    options: GraftOptions,
-    inputs: Sequence[str] = (),
-    page: Path | None = None,
-) -> None:
-    """Raise an OSError if a file of grafts or the page must not be written.
-
-    `paths` are those of the motions. The file of ``--into`` may be written.
-    """
-    others = [file for file in (*files_of_grafts(paths), page) if file and file != options.into]
-    check_writable(others, force=options.force, inputs=inputs)
-
-
 def files_of_grafts(paths: Iterable[Path]) -> list[Path]:
     """Return the files that are written for grafts with the motions `paths`, each once."""
     return list(dict.fromkeys(file for path in paths for file in files_of_graft(path)))
@@ -79,33 +65,41 @@ def renamed(graft: Graft, name: str | None) -> Graft:
 
 
 def output_paths(
-    options: GraftOptions, first: str, inputs: Sequence[str], suffix: str
+    options: GraftOptions,
+    names: Sequence[str],
+    suffix: str,
+    page: str | None = None,
+    inputs: Sequence[str] = (),
 ) -> tuple[list[Path], Path]:
     """Return the path of each motion and the path of the report page.
 
-    All motions have the same path if ``-o`` is a file; in a folder, paths end in `suffix`. `first`
-    is the first file, or the name of the first clip of a library. Raise an OSError if one of the
-    files must not be written.
+    All motions have the same path if ``-o`` is a file; in a folder, they have `names` with
+    `suffix`, and the page has the name `page` or that of the first motion. Raise an OSError if one
+    of the files must not be written; the file of ``--into`` may be.
     """
-    if options.output.suffix.lower() in MOTION_SUFFIXES:
-        paths, page = [options.output] * options.count, options.output.with_suffix(".html")
+    target = options.output
+    if target.suffix.lower() in MOTION_SUFFIXES:
+        paths, page = [target] * len(names), None
     else:
-        stem = _stem(options, first)
-        paths = [options.output / f"{stem}_graft{i}{suffix}" for i in range(options.count)]
-        page = options.output / "index.html"
-    check_targets(paths, options, inputs, page if options.report else None)
-    return paths, page
+        paths = [target / f"{name}{suffix}" for name in names]
+    report = paths[0].with_suffix(".html") if page is None else target / page
+    written = [*files_of_grafts(paths), *[report] * options.report]
+    others = [file for file in written if file != options.into]
+    check_writable(others, force=options.force, inputs=inputs)
+    return paths, report
 
 
-def _stem(options: GraftOptions, first: str) -> str:
-    """Return how the names of files begin: with the name of the base, or ``scenario``."""
-    if options.scenario == "graph":
-        return "scenario"
+def names_of_motions(options: GraftOptions, first: str) -> list[str]:
+    """Return the names of new files: they begin with the name of the base, or with ``scenario``.
+
+    `first` is the first file, or the name of the first clip of a library.
+    """
     path, clip = split_address(options.base or first)
     if clip is None:
         is_motion = Path(path).suffix.lower() in SUFFIXES
         clip = Path(path).stem if is_motion else Path(path).name
-    return portable_stem(clip)
+    stem = "scenario" if options.scenario == "graph" else portable_stem(clip)
+    return [f"{stem}_graft{i}" for i in range(options.count)]
 
 
 def with_command(graft: Graft, options: Options, sources: Sequence[str]) -> Graft:

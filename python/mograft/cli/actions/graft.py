@@ -23,7 +23,6 @@ from mograft.dancer import dance
 from mograft.io.formats import find_addresses, read_clip, split_address
 from mograft.provenance.graft_edit import describe_changes
 from mograft.provenance.graft_record import find_whole_library, read_record
-from mograft.provenance.writing import MOTION_SUFFIXES
 from mograft.search.pose_constraints import anchor_reaches
 from mograft.solve.candidates import count_combinations
 from mograft.synthesis.advice import find_remedies
@@ -72,14 +71,17 @@ def run(options: GraftOptions) -> int:
     first = sources[0] if library is None else library.names[0]
     is_robot = options.model if library is None else library.skeleton.hinges
     suffix = ".csv" if is_robot else ".bvh"
-    paths, page = graft_files.output_paths(options, first, sources, suffix)
+    place = (suffix, "index.html", sources)
+    names = graft_files.names_of_motions(options, first)
+    paths, page = graft_files.output_paths(options, names, *place)
     if options.measure:
         import_extra("scipy", "--measure needs SciPy", "evaluate")
     if library is None:
         strict = not files.has_folder(options.files)
         library = configuration.load_library(replace(options, files=sources), strict=strict)
         if library.refused:  # the first file may be one of them
-            paths, page = graft_files.output_paths(options, library.names[0], sources, suffix)
+            names = graft_files.names_of_motions(options, library.names[0])
+            paths, page = graft_files.output_paths(options, names, *place)
     if options.model and library.skeleton.hinges is None:
         raise UsageError(f"--model requires motions of a robot, such as .csv; got {first}")
     constraints = configuration.read_constraints(options, library.rate)
@@ -135,18 +137,14 @@ def _run_replay(options: GraftOptions) -> int:
                 "--take, --ban and --keep change parts of it; new motions from the same files: "
                 f"{graft_files.new_command(options)}"
             )
-    source, path = options.from_ or "", options.output
+    source = options.from_ or ""
     if os.path.isdir(source):
         raise UsageError(f"--from must be .json or FILE.glb#NAME of a graft, got folder {source}")
     record = read_record(source)
-    paths = [path] * options.count
-    if path.suffix.lower() not in MOTION_SUFFIXES:
-        ends = [f"_{k}" for k in range(options.count)] if options.count > 1 else [""]
-        rest = record.library.rest
-        suffix = ".bvh" if rest is None or rest.hinges is None else ".csv"
-        paths = [path / f"{record.name}{end}{suffix}" for end in ends]
-    page = paths[0].with_suffix(".html")
-    graft_files.check_targets(paths, options, page=page if options.report else None)
+    ends = [f"_{k}" for k in range(options.count)] if options.count > 1 else [""]
+    rest = record.library.rest
+    suffix = ".bvh" if rest is None or rest.hinges is None else ".csv"
+    paths, page = graft_files.output_paths(options, [record.name + end for end in ends], suffix)
     folder = files.library_folder(options.files)
     library = None if folder is None else mg.Library.open(folder)
     sources = options.files if library is None else ()

@@ -1,7 +1,7 @@
 """``mograft index``, ``lib`` and ``stream``: libraries in folders, and a server of one library."""
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from mograft import Library
@@ -31,11 +31,26 @@ def run_index(options: commands.IndexOptions) -> int:
         configuration.refuse_fixed_options(options, *fixed)
     elif not options.force and (options.output.is_file() or any(options.output.glob("*"))):
         raise FileExistsError(f"{options.output} exists; use --force to replace a library")
-    rates = dict(options.true_rate)
     if options.tag_columns is not None and options.tags is None:
         raise UsageError("--tag-columns requires --tags")
     tags = None if options.tags is None else read_tags(options.tags, options.tag_columns)
-    library, refused = _index(options, rates, tags)
+    known: Mapping[str, str] = {}
+    with show_progress() as progress, worker_processes(options.jobs) as executor:
+        keywords: dict[str, Any] = {"executor": executor, "progress": progress, "tags": tags}
+        keywords |= {"frame_rates": dict(options.true_rate), "strict": options.strict}
+        keywords["include_grafts"] = options.include_grafts
+        if options.add:
+            library = Library.open(options.output)
+            known = library.refused
+            library = library.add(options.files, **keywords)
+        else:
+            groups = configuration.selected_groups(options.groups)
+            config = configuration.selected_config(options)
+            keywords |= {"match": options.match or "names", "rate": options.rate}
+            skeleton = configuration.selected_skeleton(options)
+            keywords |= {"skeleton": skeleton, "force": options.force}
+            library = Library.index(options.files, options.output, groups, config, **keywords)
+    refused = {name: why for name, why in library.refused.items() if name not in known}
     for line in configuration.describe_excluded(refused, options):
         print_remark(line)
     if not options.json:
@@ -43,33 +58,6 @@ def run_index(options: commands.IndexOptions) -> int:
     document = {**_describe_library(library), "left_out": refused}
     print_result(options, "index/1", document, [options.output])
     return 0
-
-
-def _index(
-    options: commands.IndexOptions,
-    rates: Mapping[str, float],
-    tags: Mapping[str, Sequence[str]] | None,
-) -> tuple[Library, dict[str, str]]:
-    """Create a library, or add files to one; return the library and the newly excluded files.
-
-    The excluded files are a dict from path to reason.
-    """
-    with show_progress() as progress, worker_processes(options.jobs) as executor:
-        keywords: dict[str, Any] = {"frame_rates": rates, "tags": tags, "strict": options.strict}
-        keywords |= {"executor": executor, "progress": progress}
-        keywords["include_grafts"] = options.include_grafts
-        if options.add:
-            library = Library.open(options.output)
-            before = set(library.refused)
-            library = library.add(options.files, **keywords)
-            return library, {k: why for k, why in library.refused.items() if k not in before}
-        groups = configuration.selected_groups(options.groups)
-        config = configuration.selected_config(options)
-        keywords |= {"match": options.match or "names", "rate": options.rate}
-        skeleton = configuration.selected_skeleton(options)
-        keywords |= {"skeleton": skeleton, "force": options.force}
-        library = Library.index(options.files, options.output, groups, config, **keywords)
-    return library, dict(library.refused)
 
 
 def run_info(options: commands.LibInfoOptions) -> int:

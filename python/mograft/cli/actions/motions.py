@@ -16,7 +16,7 @@ from mograft.body.faults import HARMLESS_FAULTS
 from mograft.body.loops import is_loop
 from mograft.body.size import describe_sizes
 from mograft.cli.configuration import selected_skeleton
-from mograft.cli.files import check_suffix, check_writable, expand_folders, refuse_library
+from mograft.cli.files import check_suffix, check_writable, expand_folders
 from mograft.cli.output import print_error, print_result
 from mograft.cli.syntax.commands import CheckOptions, GroupsOptions, InfoOptions
 from mograft.evaluation.robot_checks import describe_checks, robot_checks
@@ -67,8 +67,6 @@ def _find_files(names: Iterable[str]) -> list[str]:
 
 def _find_clips(names: Iterable[str]) -> list[str]:
     """Return the addresses of the clips in the files, and the files that have none."""
-    for name in names:
-        refuse_library(name)
     found: list[str] = []
     for file in _find_files(names):
         try:
