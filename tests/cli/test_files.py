@@ -199,20 +199,18 @@ def test_check_contacts_lists_sliding_feet_and_hands_in_the_body(succeed, folder
     rotations = motion.rotations.copy()
     rotations[20:31, [arm, forearm]] = [0.0, 0.0, 0.0, 1.0]
     motion = replace(motion, rotations=rotations, channel_values=None)
-    none_inside = []
-    for shown in (motion, motion[:15]):
-        depths, _ = AvoidSelf().errors(Poses.from_motion(shown))
-        write_bvh(shown, "shown.bvh")
-        out = succeed("check", "shown.bvh", "--contacts")[0]
-        assert f"feet slide in {foot_skate(shown):.1%} of the steps" in out
-        none_inside.append("no hand or forearm is in the body" in out)
-        assert none_inside[-1] == (depths <= 1.0).all()
-        for text in re.findall(r"is in the body in frames (\d+) to (\d+), .* frame (\d+)", out):
-            start, stop, worst = map(int, text)
-            assert (depths[start : stop + 1] > 1.0).all()
-            assert depths[worst] == depths[start : stop + 1].max()
-    assert none_inside == [False, True]
-    assert "contacts" not in json.loads(succeed("check", "shown.bvh", "--json")[0])["files"][0]
+    depths, _ = AvoidSelf().errors(Poses.from_motion(motion))
+    write_bvh(motion, "shown.bvh")
+    out = succeed("check", "shown.bvh", "--contacts")[0]
+    assert f"feet slide in {foot_skate(motion):.1%} of the steps" in out
+    spans = re.findall(r"is in the body in frames (\d+) to (\d+), .* frame (\d+)", out)
+    for start, stop, worst in [map(int, span) for span in spans]:
+        assert (depths[start : stop + 1] > 1.0).all()
+        assert depths[worst] == depths[start : stop + 1].max()
+    assert spans
+    write_bvh(motion[:15], "shown.bvh")
+    out = succeed("check", "shown.bvh", "--contacts")[0]
+    assert "no hand or forearm is in the body" in out
 
 
 def test_check_of_folder_names_files_without_motion(run, clip):
