@@ -12,74 +12,67 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft.analysis import segmentation
 from mograft.cli import COMMANDS, main
-from mograft.cli.syntax.parser import CONFIG_FILE, find_settings
+from mograft.cli.syntax.parser import CONFIG_FILE, parse
 from mograft.config import CHOICES
 from mograft.config_text import parse_fields
 from tests.cli.field_table import field_table
 
-BY_NAME = {command.name: command for command in COMMANDS}
+VALUES = {
+    "seed": {"1": 1, "2": 2},
+    "variety": {"0.1": 0.1, "0.2": 0.2},
+    "swap": {"upper": ("upper",), "arms,legs": ("arms", "legs")},
+}
+SOURCES = ("shared", "table", "MOGRAFT_{}", "MOGRAFT_GRAFT_{}", "--")
+"""Where an option can be set, in ascending order of precedence."""
 
 
-@pytest.fixture
-def graft_config(succeed, clip):
-    """Graft the clip; return the choice, the seam treatment and the seed of the graft."""
-
+def test_settings_of_fields_are_merged_with_those_of_the_file_above(succeed, clip, monkeypatch):
     def graft(*words):
         out = succeed("graft", clip, "-o", "x.bvh", "--force", "--json", *words)[0]
-        document = json.loads(out)["grafts"][0]
-        return document["config"]["choice"], document["config"]["seam"], document["seed"]
+        config = json.loads(out)["grafts"][0]["config"]
+        return config["choice"], config["seam"]
 
-    return graft
-
-
-VALUES = {"seed": ["1", "2"], "variety": ["0.1", "0.2"], "swap": ["upper", "arms"]}
-SOURCES = ("shared", "table", "MOGRAFT_{}", "MOGRAFT_GRAFT_{}")
-"""Where an option can be set, in ascending order of precedence: the command line is above all."""
-
-
-def test_settings_precedence_is_file_environment_command_line(graft_config, monkeypatch):
-    assert graft_config() == ("sample", "gradient", 0)
     Path(CONFIG_FILE).write_text(
-        'seed = 3\n[set]\nchoice = "random"\nseam = "paper"\n[graft.set]\nchoice = "viterbi"\n'
+        '[set]\nchoice = "random"\nseam = "paper"\n[graft.set]\nchoice = "viterbi"\n'
     )
-    assert graft_config() == ("viterbi", "paper", 3)
+    assert graft() == ("viterbi", "paper")
     monkeypatch.setenv("MOGRAFT_SET", "choice=nearest seam=offset")
-    assert graft_config() == ("nearest", "offset", 3)
+    assert graft() == ("nearest", "offset")
     monkeypatch.setenv("MOGRAFT_GRAFT_SET", "choice=random")
-    monkeypatch.setenv("MOGRAFT_SEED", "4")
-    assert graft_config() == ("random", "gradient", 4)
-    assert graft_config("--set", "choice=sample", "--seed", 5) == ("sample", "gradient", 5)
+    assert graft("--set", "seam=paper") == ("random", "paper")
 
 
 @given(
     st.fixed_dictionaries(
         {
-            n: st.dictionaries(st.sampled_from(SOURCES), st.sampled_from(v))
-            for n, v in VALUES.items()
+            name: st.dictionaries(st.sampled_from(SOURCES), st.sampled_from([*texts]))
+            for name, texts in VALUES.items()
         }
     )
 )
-def test_find_settings_each_option_takes_nearest_source(tmp_path_factory, values):
+def test_option_takes_the_value_of_the_nearest_source(tmp_path_factory, given_texts):
     folder = tmp_path_factory.mktemp("s").resolve()
-
-    def lines(source):
-        return [f'{name} = "{own[source]}"' for name, own in values.items() if source in own]
-
-    (folder / CONFIG_FILE).write_text("\n".join([*lines("shared"), "[graft]", *lines("table")]))
     (folder / "a" / "b").mkdir(parents=True)
+
+    def texts(source, form):
+        pairs = [(name, own[source]) for name, own in given_texts.items() if source in own]
+        return [form.format(*pair) for pair in pairs]
+
+    lines = [*texts("shared", '{} = "{}"'), "[graft]", *texts("table", '{} = "{}"')]
+    (folder / CONFIG_FILE).write_text("\n".join(lines))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder / "a" / "b")
-        for name, own in values.items():
-            for source in own.keys() & set(SOURCES[2:]):
-                patch.setenv(source.format(name.upper()), own[source])
-        found = find_settings(BY_NAME["graft"], COMMANDS)
-    assert found.keys() == {name for name, own in values.items() if own}
-    for name, setting in found.items():
-        nearest = max(values[name], key=SOURCES.index)
-        assert setting.text == values[name][nearest]
-        is_variable = nearest in SOURCES[2:]
-        file = str(folder / CONFIG_FILE)
-        assert setting.origin == (nearest.format(name.upper()) if is_variable else file)
+        for source in SOURCES[2:4]:
+            for name, own in given_texts.items():
+                if source in own:
+                    patch.setenv(source.format(name.upper()), own[source])
+        words = ["graft", "a.bvh", "-o", "x", *texts("--", "--{}={}")]
+        options = parse(COMMANDS, words)[1]
+    for name, own in given_texts.items():
+        nearest = max(own, key=SOURCES.index, default="--")
+        assert getattr(options, name) == VALUES[name].get(own.get(nearest))
+        origin = folder / CONFIG_FILE if nearest in SOURCES[:2] else nearest.format(name.upper())
+        assert options.origins.get(name, "--") == str(origin)
 
 
 def test_config_show_output_is_valid_config_file(succeed, working_folder):
