@@ -119,7 +119,7 @@ def make_gallery() -> None:
 def make_command_line() -> None:
     """Write the reference of the command line from its parsers."""
     lines = ["# Command line", ""]
-    for words, parser in build_parsers(cli.COMMANDS).items():
+    for words, parser in build_parsers().items():
         if words:
             lines += [f"{'#' * (len(words) + 1)} {' '.join(('mograft', *words))}", ""]
         lines += ["```text", parser.format_help().rstrip(), "```", ""]

@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft import read_bvh
-from mograft.cli import COMMANDS, main
+from mograft.cli import main
 from mograft.cli.output import EscapingStream
+from mograft.cli.syntax.commands import COMMANDS
 from mograft.cli.syntax.parser import parse
 from tests.exit_codes import exit_code
 
@@ -45,7 +46,7 @@ def test_option_with_doubled_letter_is_suggested(leaf, data):
 @given(parts=st.permutations([["a.bvh"], ["b.bvh"], ["-n", "2"], ["-o", "out"], ["-q"]]))
 def test_files_and_options_may_alternate(parts):
     words = [word for part in parts for word in part]
-    options = parse(COMMANDS, ["graft", *words])[1]
+    options = parse(["graft", *words])[1]
     assert [str(file) for file in options.files] == [own for own in words if own[-4:] == ".bvh"]
     assert (options.count, str(options.output), options.quiet) == (2, "out", True)
 

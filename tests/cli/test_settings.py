@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft.analysis import segmentation
-from mograft.cli import COMMANDS, main
+from mograft.cli import main
+from mograft.cli.syntax.commands import COMMANDS
 from mograft.cli.syntax.parser import CONFIG_FILE, parse
 from mograft.config import CHOICES
 from mograft.config_text import parse_fields
@@ -67,7 +68,7 @@ def test_option_takes_the_value_of_the_nearest_source(tmp_path_factory, given_te
                 if source in own:
                     patch.setenv(source.format(name.upper()), own[source])
         words = ["graft", "a.bvh", "-o", "x", *texts("--", "--{}={}")]
-        options = parse(COMMANDS, words)[1]
+        options = parse(words)[1]
     for name, own in given_texts.items():
         nearest = max(own, key=SOURCES.index, default="--")
         assert getattr(options, name) == VALUES[name].get(own.get(nearest))

@@ -15,11 +15,10 @@ from collections.abc import Sequence
 from mograft import FormatError, MograftError, ProvenanceError
 from mograft.cli.output import escape_output, print_error, print_remark, set_quiet, with_flags
 from mograft.cli.syntax.arguments import Command, Options, UsageError
-from mograft.cli.syntax.commands import COMMANDS
 from mograft.cli.syntax.parser import parse
 from mograft.errors import suggest_path
 
-__all__ = ["COMMANDS", "main"]
+__all__ = ["main"]
 
 _BEYOND_RANGE = (
     "the input has numbers that are too large, so that the result may be wrong: find them with "
@@ -43,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print_remark(f"warning: {with_flags(text, options)}")
 
     with escape_output(), warnings.catch_warnings():
-        command, options, parser = parse(COMMANDS, arguments)
+        command, options, parser = parse(arguments)
         set_quiet(options.quiet)
         warnings.simplefilter("always")
         # What an interrupted command leaves open is closed with the process.

@@ -99,7 +99,7 @@ def _find_settings(command: Command) -> list[tuple[str, Any, str]]:
 
     The origin is the file or environment variable that sets the value, or ``"default"``.
     """
-    found, settings = find_settings(command, COMMANDS), list[tuple[str, Any, str]]()
+    found, settings = find_settings(command), list[tuple[str, Any, str]]()
     for argument in command.settings():
         own = found.get(argument.dest, Setting(argument.default, "default", argument.default))
         fields = own.value if argument.dest == "set" else ()
@@ -111,6 +111,6 @@ def _find_settings(command: Command) -> list[tuple[str, Any, str]]:
 def run_completion(options: CompletionOptions) -> int:
     """Print the completion script of a shell."""
     shtab = import_extra("shtab", "completion needs shtab", "completion")
-    parsers = build_parsers(COMMANDS, is_completion=True)
+    parsers = build_parsers(is_completion=True)
     print(shtab.complete(parsers[()], options.shell))
     return 0

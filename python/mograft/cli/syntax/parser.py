@@ -17,6 +17,7 @@ from typing import Any, NoReturn
 from mograft import __version__
 from mograft._util.documents import read_document
 from mograft.cli.syntax.arguments import SECTIONS, Argument, Command, Options
+from mograft.cli.syntax.commands import COMMANDS
 from mograft.errors import suggest_name
 
 CONFIG_FILE = "mograft.toml"
@@ -55,9 +56,7 @@ class _Parser(argparse.ArgumentParser):
         raise SystemExit(2)
 
 
-def build_parsers(
-    commands: Sequence[Command], *, is_short: bool = False, is_completion: bool = False
-) -> Parsers:
+def build_parsers(*, is_short: bool = False, is_completion: bool = False) -> Parsers:
     """Return the argparse parsers of the program, of its commands and of their subcommands.
 
     The keys are the words of a command, such as ``("lib", "verify")``, and ``()`` for the program.
@@ -94,10 +93,10 @@ def build_parsers(
                 parser.add_argument("--help-all", action="help", help=argparse.SUPPRESS)
                 add(words, command.actions)
             else:
-                parser.set_defaults(command=command, parser=parser)
+                parser.set_defaults(command=command)
                 _add_arguments(parser, command, is_short=is_short, is_completion=is_completion)
 
-    add((), commands)
+    add((), COMMANDS)
     return parsers
 
 
@@ -200,7 +199,7 @@ def _has_flag(parser: argparse.ArgumentParser, name: str) -> bool:
 
 
 def parse(
-    commands: Sequence[Command], arguments: Sequence[str] | None = None
+    arguments: Sequence[str] | None = None,
 ) -> tuple[Command, Options, argparse.ArgumentParser]:
     """Parse the words `arguments` of a command line (default: ``sys.argv[1:]``).
 
@@ -210,7 +209,7 @@ def parse(
     """
     words = sys.argv[1:] if arguments is None else arguments
     is_short = not any(word.startswith("--help-") for word in words)
-    parsers = build_parsers(commands, is_short=is_short)
+    parsers = build_parsers(is_short=is_short)
     path = _check_names(parsers, words)
     parser = parsers[path]
     # A parser with commands takes no files; without one, it prints its help or an error.
@@ -224,7 +223,7 @@ def parse(
             hint = "; did you mean '--keep', how much is kept?"
         parser.error(f"unexpected words {' '.join(unknown)}{hint}")
     try:
-        settings = find_settings(command, commands)
+        settings = find_settings(command)
     except (OSError, ValueError) as error:
         parser.error(str(error))
     values: dict[str, Any] = {"words": ("mograft", *words)}
@@ -244,18 +243,17 @@ def parse(
     return command, command.options(**values), parser
 
 
-def find_settings(command: Command, commands: Sequence[Command]) -> dict[str, Setting]:
+def find_settings(command: Command) -> dict[str, Setting]:
     """Return the settings of a command, by the `Argument.dest` of the options that they set.
 
     Environment variables override the configuration file. The file is searched for in the working
-    folder and the folders above it; it may have a table for each of `commands`. Raise a ValueError
-    that names the file or the variable if the file is not TOML, or if a setting is unknown or
-    invalid.
+    folder and the folders above it; it may have a table for each command. Raise a ValueError that
+    names the file or the variable if the file is not TOML, or if a setting is unknown or invalid.
     """
     settings: dict[str, Setting] = {}
     arguments = command.settings()
     path = find_config_file(Path.cwd()) if arguments else None
-    table = {} if path is None else _read_file(path, command, commands)
+    table = {} if path is None else _read_file(path, command)
     for argument in arguments:
         if path is not None and argument.dest in table:
             text = table[argument.dest]
@@ -278,14 +276,13 @@ def find_config_file(folder: Path) -> Path | None:
     return next((path for path in candidates if path.is_file()), None)
 
 
-def _read_file(path: Path, command: Command, commands: Sequence[Command]) -> dict[str, Any]:
+def _read_file(path: Path, command: Command) -> dict[str, Any]:
     """Return the settings that a configuration file contains for a command, not yet converted.
 
     Keys before all tables apply to every command; the table of the command overrides them.
-    `commands` are all commands, whose names are the allowed names of tables.
     """
     document = read_document(path, "TOML")
-    known = {each.name: {argument.dest for argument in each.settings()} for each in commands}
+    known = {each.name: {argument.dest for argument in each.settings()} for each in COMMANDS}
     shared = {k: v for k, v in document.items() if k == "set" or not isinstance(v, dict)}
     for name in document.keys() - shared.keys() - known.keys():
         raise ValueError(
