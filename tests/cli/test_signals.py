@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -60,24 +61,14 @@ COMMANDS = {
     "index": (["index", "MANY", "-o", "lib"], ".lib*/*/frames*"),
     "index workers": (["index", "MANY", "-o", "lib", "-j", "2"], ".lib*/*/frames*"),
     "export": (GIF, None),
-    "export, writing": (GIF, "*.part"),
     "film": (MP4, "*.part"),
     "stream": (["stream", "CLIP", "--socket", "socket"], "socket"),
 }
 """Words of commands, and the files that exist while they run; None while they draw."""
 
 
-def make_cases():
-    """Yield each command with each signal; a plain run has no SIGHUP, except with workers.
-
-    Nor does it wait for a GIF, whose file is written when all pictures are drawn.
-    """
-    for name in COMMANDS:
-        for number in SIGNALS:
-            is_quick = number != signal.SIGHUP or name == "index workers"
-            is_quick = is_quick and name != "export, writing"
-            marks = () if is_quick else pytest.mark.thorough
-            yield pytest.param(name, number, marks=marks)
+BOTH = (signal.SIGINT, signal.SIGTERM)
+CASES = [*product(COMMANDS, BOTH), ("index workers", signal.SIGHUP)]
 
 
 @pytest.fixture
@@ -107,10 +98,10 @@ def end_by_signal(name, number, places):
 
 
 @pytest.mark.usefixtures("hangup_not_ignored", "working_folder")
-@pytest.mark.parametrize(("name", "number"), list(make_cases()))
+@pytest.mark.parametrize(("name", "number"), CASES)
 def test_signal_ends_command_and_workers_soon_and_leaves_no_draft(places, name, number):
     """Other processes may delay one end, or two: the promise of 2 s is for an idle machine."""
-    if name.startswith("export"):
+    if name == "export":
         pytest.importorskip("PIL", reason="Pillow is not installed")
     if name == "film":
         pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
@@ -118,7 +109,7 @@ def test_signal_ends_command_and_workers_soon_and_leaves_no_draft(places, name, 
 
 
 @pytest.mark.usefixtures("working_folder")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", BOTH)
 def test_signal_while_adding_keeps_library_and_removes_new_generation(
     clip, folder_of_many_clips, number
 ):
@@ -192,7 +183,7 @@ def run_python(program, **values):
     return subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", BOTH)
 def test_signal_at_any_import_ends_without_traceback(clip, request, number):
     """The first import is that of the module that handles signals."""
     values = {"number": int(number), "words": ["info", str(clip)]}
@@ -206,7 +197,7 @@ def test_signal_at_any_import_ends_without_traceback(clip, request, number):
         assert (child.returncode, child.stderr) == (SIGNALS[number], line), n
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", BOTH)
 def test_signal_while_python_ends_changes_nothing(number):
     child = run_python(AT_END, number=int(number))
     assert (child.returncode, child.stderr) == (0, "")

@@ -177,24 +177,23 @@ def _timeline_scene(options: PlotOptions, folder: Path | None) -> Scene:
 
 def _single_motion(
     options: PlotOptions, folder: Path | None
-) -> tuple[mg.Motion, mg.JointGroups | str | None, mg.Config]:
+) -> tuple[mg.Motion, _Groups, mg.Config]:
     """Return the only motion that the options select, its joint groups and its configuration.
 
     `folder` is that of a library, or None for motion files. Raise ValueError if the options select
     several motions.
     """
-    groups: mg.JointGroups | str | None
+    groups: _Groups
     if folder is not None:
         library = mg.Library.open(folder)
         motions = [library.clips[index] for index in files.select_clips(library, options.clip)]
-        groups, config = library.groups, library.config
+        names, groups, config = [own.name for own in motions], library.groups, library.config
     else:
-        sources = files.expand_folders(options.files)
-        groups, config, skeleton = configuration.figure_settings(options, sources)
-        motions = [read_clip(file, skeleton=skeleton) for file in sources]
+        names = files.expand_folders(options.files)
+        groups, config, skeleton = configuration.figure_settings(options, names)
+        motions = [read_clip(name, skeleton=skeleton) for name in names]
     if len(motions) != 1:
-        names = sources if folder is None else [own.name for own in motions]
-        way = f"give one{'' if folder is None else ' by --clip'} of {files.shell_names(names)}"
+        way = f"give one{' by --clip' * (folder is not None)} of {files.shell_names(names)}"
         raise ValueError(f"{options.kind} shows one motion, got {len(names)}: {way}")
     return motions[0], groups, config
 

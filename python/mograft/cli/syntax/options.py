@@ -181,12 +181,6 @@ class CandidatesOptions(ConstraintOptions):
     group: values.Name | None = option("joint group to exchange (default: the first but the base)")
 
 
-class BaseOptions(Options, section="what to keep"):
-    """Options for the motion of the base group."""
-
-    base: values.ClipOrFile | None = option("base motion (default: the first clip)")
-
-
 class ScenarioOptions(Options, section="scenario"):
     """Options for base motions that are not captured."""
 
@@ -230,8 +224,11 @@ class RecordOptions(Options, section="input"):
 
 
 class ChangeOptions(Options, section="what to change"):
-    """Options for the parts that are exchanged."""
+    """Options for the parts that are exchanged, and for the motion of the base group."""
 
+    base: values.ClipOrFile | None = option(
+        "base motion (default: the first clip)", section="what to keep"
+    )
     swap: values.Words | None = setting("which of --groups change (default: all but base)")
     change: tuple[values.Change, ...] = option(
         "another part of a clip for a group",
@@ -262,25 +259,13 @@ class VarietyOptions(SeedOptions, section="how different"):
     mirror: bool = setting("use the mirror images of all clips as donors, too", is_expert=True)
 
 
-class EffortOptions(Options, section="where the hands go"):
-    """Options for constraints that cannot be satisfied."""
-
-    best_effort: bool = setting(
-        "if no donor sequence satisfies the constraints, write the motions with the smallest "
-        "violation and return exit code 0 instead of 4",
-        is_expert=True,
-    )
-
-
 class GraftOptions(
     DigitsOptions,
     WriterOptions,
-    EffortOptions,
     VarietyOptions,
     ChangeOptions,
     RecordOptions,
     ScenarioOptions,
-    BaseOptions,
     ConstraintOptions,
     section="output",
 ):
@@ -306,6 +291,12 @@ class GraftOptions(
         is_expert=True,
     )
     as_: values.Name | None = option("name of the animation in a .glb file", is_expert=True)
+    best_effort: bool = setting(
+        "if no donor sequence satisfies the constraints, write the motions with the smallest "
+        "violation and return exit code 0 instead of 4",
+        section="where the hands go",
+        is_expert=True,
+    )
     report: bool = setting("also write an HTML page that describes the motions")
     only_feasible: bool = setting(
         "of a robot, write only motions whose checks are at most the 99th percentile of those of "
