@@ -21,12 +21,11 @@ from tests.hierarchies import DATA
 def test_graft_help_states_defaults_of_the_configuration():
     """The help texts repeat the values, so that they are shown without importing NumPy."""
     helps = {own.dest: own.help for own in arguments_of(GraftOptions)}
-    stated = {
-        name: float(re.search(r"default: ([\d.]+)", helps[name])[1])
-        for name in ("max_stretch", "max_angle")
-    }
-    expected = {"max_stretch": Config().max_stretch, "max_angle": math.degrees(Config().max_angle)}
-    assert stated == pytest.approx(expected)
+    config = Config()
+    values = {"max_stretch": config.max_stretch, "max_angle": math.degrees(config.max_angle)}
+    for name, value in values.items():
+        stated = re.search(r"default: ([\d.]+)", helps[name])
+        assert float(stated[1]) == pytest.approx(value)
 
 
 def test_candidates_lists_allowed_and_refused_donors(fail, succeed, folder):
