@@ -141,6 +141,7 @@ def test_settings_without_effect_are_not_refused(succeed, clip):
         ("[graft]\nseed = [1]", "seed must be a string or a number, got [1]"),
         ("[graft]\nseed = true", "seed must be a string or a number, got true"),
         ("set = 1", "set must be a table such as [set], got 1"),
+        ("[graft.fps]\n'*' = 'x'", "fps: must be FPS or GLOB=FPS, got *=x"),
         ("[set]\nseem = 1", "'seem' is no field of Config; did you mean 'seam'?"),
         ("[graft]\nreport = 1", "report must be true or false, got 1"),
         ("[graf]\nseed = 1", "got [graf]; did you mean 'graft'?"),

@@ -304,14 +304,14 @@ def _read_file(path: Path, command: Command) -> dict[str, Any]:
 
 def _convert_toml(argument: Argument, value: Any, path: Path) -> Any:  # noqa: ANN401 - of TOML
     place = f"{path}: {argument.name}"
-    if argument.is_repeated:  # --set
+    if argument.is_repeated:
         if not isinstance(value, dict):
             raise ValueError(f"{place} must be a table such as [set], got {value!r}")
-        texts = ((name, str(text)) for name, text in value.items())
-        return tuple(
-            (name, str(path.parent / text) if text.lower().endswith(".json") else text)
-            for name, text in texts
-        )
+        texts = {name: str(text) for name, text in value.items()}
+        for name, text in texts.items():
+            if text.lower().endswith(".json"):
+                texts[name] = str(path.parent / text)
+        return _read(argument, [f"{name}={text}" for name, text in texts.items()], place)
     is_bool = isinstance(value, bool)
     if is_bool != (argument.value is None) or not isinstance(value, str | int | float):
         expected = "true or false" if argument.value is None else "a string or a number"
@@ -328,8 +328,14 @@ def _convert_text(argument: Argument, text: str, place: str) -> Any:  # noqa: AN
         if text.lower() not in words:
             raise ValueError(f"{place} must be 1, true, 0 or false, got {text!r}")
         return words[text.lower()]
-    convert = argument.value.read
+    if argument.is_repeated:
+        return _read(argument, text.split(), place)
+    return _read(argument, [text], place)[0]
+
+
+def _read(argument: Argument, texts: Sequence[str], place: str) -> tuple[Any, ...]:
+    assert argument.value is not None
     try:
-        return tuple(map(convert, text.split())) if argument.is_repeated else convert(text)
+        return tuple(map(argument.value.read, texts))
     except argparse.ArgumentTypeError as error:
         raise ValueError(f"{place}: {error}") from None
