@@ -75,12 +75,13 @@ def _run(command: Command, options: Options) -> int:
     except (ImportError, MemoryError, MograftError, OSError, ValueError) as error:
         text = str(error)
         if isinstance(error, OSError) and error.filename and error.strerror:
-            text = f"{error.filename}: {error.strerror}"
-            text += suggest_path(os.fsdecode(error.filename)) * (error.errno == errno.ENOENT)
-            if error.strerror == os.strerror(errno.EISDIR):  # of a file that is read
+            name = os.fsdecode(error.filename)
+            text = f"{name}: {error.strerror}"
+            if error.errno == errno.ENOENT:
+                text += suggest_path(name)
+            elif error.strerror == os.strerror(errno.EISDIR):  # of a file that is read
                 from mograft.cli.files import describe_folder  # takes long to import
 
-                name = os.fsdecode(error.filename)
                 text = f"{name} {describe_folder(name)}"
         elif isinstance(error, MemoryError):
             text = f"out of memory: {text}" if text else "out of memory"

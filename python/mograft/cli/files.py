@@ -153,13 +153,12 @@ def check_writable(paths: Sequence[Path], *, force: bool, inputs: Iterable[str] 
         nearest = next((above for above in path.parents if above.exists()), path)
         if not nearest.is_dir():
             raise NotADirectoryError(f"{nearest} is a file; expected a folder")
-    existing = [str(path) for path in paths if path.exists()]
+    existing = [path for path in paths if path.exists()]
     if existing and not force:
-        verb = "exists"
-        if len(existing) > 1:
-            verb = f"and {len(existing) - 1} other file{'s'[: len(existing) - 2]} exist"
+        n = len(existing) - 1
+        verb = f"and {n} other file{'s' * (n > 1)} exist" if n else "exists"
         raise FileExistsError(f"{existing[0]} {verb}; use --force to overwrite")
     sources = [Path(split_address(name)[0]) for name in inputs]
-    for path in map(Path, existing):
+    for path in existing:
         if any(source.exists() and path.samefile(source) for source in sources):
             raise FileExistsError(f"{path} is an input; choose another output")

@@ -1,13 +1,11 @@
-"""``mograft index``, ``lib`` and ``stream``: libraries in folders, and a server of one library."""
+"""``mograft index`` and ``lib``: libraries in folders."""
 
-import sys
 from collections.abc import Mapping
 from typing import Any
 
 from mograft import Library
 from mograft._util.workers import worker_processes
 from mograft.cli import configuration
-from mograft.cli.actions.live import relay
 from mograft.cli.files import check_suffix, check_writable, refuse_library
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax import commands
@@ -17,8 +15,6 @@ from mograft.library.clip_table import ClipInfo
 from mograft.library.duplicates import find_duplicates
 from mograft.library.export import export_tables
 from mograft.library.files import storage
-from mograft.stream.server import ServerLimits, StreamServer, is_loopback
-from mograft.stream.session import PROTOCOL
 
 
 def run_index(options: commands.IndexOptions) -> int:
@@ -140,30 +136,4 @@ def run_export(options: commands.TablesOptions) -> int:
     options.output.parent.mkdir(parents=True, exist_ok=True)
     paths = [str(path) for path in export_tables(library, options.output, options.format)]
     print_result(options, "tables/1", {"kind": options.format, "files": paths}, paths)
-    return 0
-
-
-def run_stream(options: commands.StreamOptions) -> int:
-    """Run the command until it is interrupted."""
-    ways = (options.port, options.socket, options.vmc_in)
-    if options.vmc is None and options.vmc_in is not None:
-        raise UsageError("--vmc-in requires --vmc")
-    if options.vmc is not None and options.vmc_in is None:
-        raise UsageError("--vmc requires --vmc-in: clients of --port receive the new motion")
-    if (n := sum(own is not None for own in ways)) != 1:
-        raise UsageError(f"one of --port, --socket and --vmc-in is required, got {n or 'none'}")
-    library = configuration.load_library(options)
-    if options.vmc is not None and options.vmc_in is not None:
-        return relay(library, options.vmc_in, options.vmc, options)
-    address = options.socket or (options.host, options.port or 0)
-    if options.socket is None and not is_loopback(options.host):
-        print_remark(
-            f"warning: {options.host} accepts connections from other computers, without a password"
-        )
-    server = StreamServer(library, address, ServerLimits(idle_seconds=options.timeout))
-    document = {"protocol": PROTOCOL, "address": server.address, "rate": library.rate}
-    lines = [f"{PROTOCOL} at {server.address}, {library.rate:.6g} frames/s; Ctrl-C ends it"]
-    print_result(options, "stream-server/1", document, lines)
-    sys.stdout.flush()
-    server.serve_forever()
     return 0

@@ -1,4 +1,4 @@
-"""``mograft play``, and ``mograft stream`` over VMC."""
+"""``mograft play`` and ``mograft stream``: motions that are sent while they play or arrive."""
 
 import os
 import select
@@ -10,14 +10,16 @@ from functools import partial
 
 from mograft import Library
 from mograft._util.signals import clean_up_by
-from mograft.cli.configuration import selected_skeleton
+from mograft.cli.configuration import load_library, selected_skeleton
 from mograft.cli.files import shell_names
 from mograft.cli.output import print_remark, print_result, write_control
+from mograft.cli.syntax.arguments import UsageError
 from mograft.cli.syntax.commands import PlayOptions, StreamOptions
 from mograft.errors import join_names
 from mograft.io.formats import find_addresses, read_clip
 from mograft.stream.live import Receiver, Relay, Sender, play
-from mograft.stream.server import is_loopback
+from mograft.stream.server import ServerLimits, StreamServer, is_loopback
+from mograft.stream.session import PROTOCOL
 from mograft.stream.vmc import Figure
 
 
@@ -41,9 +43,36 @@ def run_play(options: PlayOptions) -> int:
     return 0
 
 
-def relay(
+def run_stream(options: StreamOptions) -> int:
+    """Serve grafts of a motion that arrives, until the command is interrupted."""
+    ways = (options.port, options.socket, options.vmc_in)
+    if options.vmc is None and options.vmc_in is not None:
+        raise UsageError("--vmc-in requires --vmc")
+    if options.vmc is not None and options.vmc_in is None:
+        raise UsageError("--vmc requires --vmc-in: clients of --port receive the new motion")
+    if (n := sum(own is not None for own in ways)) != 1:
+        raise UsageError(f"one of --port, --socket and --vmc-in is required, got {n or 'none'}")
+    library = load_library(options)
+    if options.vmc is not None and options.vmc_in is not None:
+        _relay(library, options.vmc_in, options.vmc, options)
+        return 0
+    address = options.socket or (options.host, options.port or 0)
+    if options.socket is None and not is_loopback(options.host):
+        print_remark(
+            f"warning: {options.host} accepts connections from other computers, without a password"
+        )
+    server = StreamServer(library, address, ServerLimits(idle_seconds=options.timeout))
+    document = {"protocol": PROTOCOL, "address": server.address, "rate": library.rate}
+    lines = [f"{PROTOCOL} at {server.address}, {library.rate:.6g} frames/s; Ctrl-C ends it"]
+    print_result(options, "stream-server/1", document, lines)
+    sys.stdout.flush()
+    server.serve_forever()
+    return 0
+
+
+def _relay(
     library: Library, source: tuple[str, int], target: tuple[str, int], options: StreamOptions
-) -> int:
+) -> None:
     """Graft the base of a VMC sender until the command is interrupted."""
     if not is_loopback(source[0]):
         print_remark(f"warning: {source[0]} accepts motions from other computers")
@@ -58,7 +87,6 @@ def relay(
         print_remark(f"delay {options.delay:g} s: with a smaller one fewer parts are compared")
         sys.stdout.flush()
         live.run(partial(print_remark, is_result=True) if options.status else None)
-    return 0
 
 
 def _text(address: tuple[str, int]) -> str:

@@ -323,7 +323,7 @@ COMMANDS = (
     Command("augment", datasets.AugmentOptions, "datasets:run_augment"),
     Command("find", datasets.FindOptions, "datasets:run_find"),
     Command("curate", datasets.CurateOptions, "datasets:run_curate"),
-    Command("stream", StreamOptions, "library:run_stream"),
+    Command("stream", StreamOptions, "live:run_stream"),
     Command("play", PlayOptions, "live:run_play"),
     Command("studio", StudioOptions, "studio:run_studio"),
     Command("view", ViewOptions, "pictures:run_view"),
