@@ -47,9 +47,9 @@ from mograft.provenance.graft_edit import edit as edit
 from mograft.provenance.replay import replay as replay
 from mograft.provenance.writing import write as write
 from mograft.provenance.writing import write_graft as write_graft
-from mograft.search.candidates import Candidate as Candidate
-from mograft.search.candidates import Candidates as Candidates
-from mograft.solve.candidate_verdicts import candidates as candidates
+from mograft.solve.candidates import Candidate as Candidate
+from mograft.solve.candidates import Candidates as Candidates
+from mograft.solve.candidates import candidates as candidates
 from mograft.stream.stream import Stream as Stream
 from mograft.stream.stream import StreamPiece as StreamPiece
 from mograft.stream.stream import join_pieces as join_pieces
