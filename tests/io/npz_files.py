@@ -5,7 +5,7 @@ import numpy as np
 from mograft import Motion, Skeleton, write_bvh
 from mograft.dancer import dance
 from mograft.io.kimodo import SKELETONS
-from mograft.io.smpl.body_models import SMPL_H, stand_in
+from mograft.io.smpl.body_models import SMPL_H, SMPL_X, stand_in
 from mograft.library.spec import conform
 from mograft.motion import rotations
 from tests.strategies import smooth_rotations
@@ -28,11 +28,7 @@ def amass_arrays(n_columns=156, n_frames=30, seed=0, dtype=np.float64):
         "mocap_frame_rate": np.array(60.0),
         "num_betas": np.array(16),
         "poses": poses,
-        "root_orient": poses[:, :3],
-        "pose_body": poses[:, 3:66],
-        "pose_jaw": poses[:, 66:69],
-        "pose_eye": poses[:, 69:75],
-        "pose_hand": poses[:, 75:],
+        **{name: poses[:, own] for name, own in SMPL_X.columns.items()},
     }
 
 

@@ -140,8 +140,13 @@ def read_as(tmp_path, text, **given):
     return mg.read(written(tmp_path, text), skeleton=mg.formats.read_model(model, **given))[0]
 
 
-def test_read_table_rates_by_glob_apply_to_names_of_files(biped, tmp_path):
-    text = table_text(biped, upright_pose(biped, np.random.default_rng(1)))
+@pytest.fixture
+def text(biped):
+    """A table of 12 frames."""
+    return table_text(biped, upright_pose(biped, np.random.default_rng(1)))
+
+
+def test_read_table_rates_by_glob_apply_to_names_of_files(text, tmp_path):
     assert read_as(tmp_path, text, rate={"w*": 60, "*": 25}).rate == pytest.approx(60)
     assert read_as(tmp_path, text, rate={"x*": 60, "*": 25}).rate == pytest.approx(25)
 
@@ -159,9 +164,8 @@ def test_read_table_ambiguous_order_is_refused_and_can_be_stated(biped, tmp_path
     np.testing.assert_array_equal(back.rotations[:, 0], np.tile([0.0, 0.0, 1.0, 0.0], (12, 1)))
 
 
-def test_read_table_one_frame_is_read(biped, tmp_path):
-    pose = Pose(*(own[:1] for own in upright_pose(biped, np.random.default_rng(1))))
-    motion = read_as(tmp_path, table_text(biped, pose))
+def test_read_table_one_frame_is_read(text, tmp_path):
+    motion = read_as(tmp_path, text.splitlines()[0])
     assert motion.n_frames == 1
     mg.formats.write_tracker(motion, tmp_path / "one.npz")
     assert not np.load(tmp_path / "one.npz")["joint_vel"].any()
@@ -200,16 +204,14 @@ def with_cell(row, column, *cells):
     ],
     ids=range(13),
 )
-def test_read_table_wrong_content_raises_format_error(biped, tmp_path, change, message):
-    text = table_text(biped, upright_pose(biped, np.random.default_rng(1)))
+def test_read_table_wrong_content_raises_format_error(text, tmp_path, change, message):
     with pytest.raises(mg.FormatError, match=message):
         read_as(tmp_path, change(text))
 
 
-def test_read_table_without_model_raises_format_error(biped, tmp_path):
-    path = written(tmp_path, table_text(biped, upright_pose(biped, np.random.default_rng(1))))
+def test_read_table_without_model_raises_format_error(text, tmp_path):
     with pytest.raises(mg.FormatError, match="expected the model of the robot, got none"):
-        mg.read(path)[0]
+        mg.read(written(tmp_path, text))[0]
 
 
 def test_write_table_motion_without_hinges_raises_value_error(tmp_path):

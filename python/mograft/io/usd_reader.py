@@ -202,7 +202,6 @@ def _read_figure(path: Path, prim: Any) -> _Figure:  # noqa: ANN401
     with errors_of_file(path, place):
         if not joints:
             raise ValueError("expected joints, got none")
-        limits.check_joints(len(joints))
         repeated, count = Counter(joints).most_common(1)[0]
         if count > 1:
             raise ValueError(f"expected different joints, got {repeated} more than once")

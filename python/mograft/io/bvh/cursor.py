@@ -68,8 +68,7 @@ class Cursor:
 
     def ends_in_word(self) -> bool:
         """Return whether the text ends in a word, not in white space or padding."""
-        end = self.text[-1:]
-        return bool(end) and end not in b"\0\x1a \t\n\v\f\r"
+        return self.text[-1:] not in b"\0\x1a \t\n\v\f\r"
 
     def take(self, pattern: re.Pattern[bytes]) -> bytes | None:
         """Match a pattern at the cursor, move after the match and return its first group.

@@ -118,7 +118,6 @@ def _parse_hierarchy(cursor: Cursor) -> Skeleton:
             above.n_children += 1
             opened.append(len(joints))
             joints.append(joint)
-            _check_limits(cursor, joint, len(joints), len(opened))
         elif word == b"End":
             site = _read_end_site(cursor)
             site.parent, site.before = opened[-1], above.n_children
@@ -150,14 +149,6 @@ def _to_skeleton(cursor: Cursor, joints: Sequence[_Node], sites: Sequence[_Node]
         )
     except ValueError as error:
         cursor.fail(str(error))
-
-
-def _check_limits(cursor: Cursor, joint: _Node, n_joints: int, n_levels: int) -> None:
-    try:
-        limits.check_joints(n_joints)
-        limits.check_levels(n_levels)
-    except ValueError as error:
-        cursor.fail(str(error), joint.place)
 
 
 def _read_joint(cursor: Cursor, keyword: str) -> _Node:

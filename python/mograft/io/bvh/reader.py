@@ -154,8 +154,8 @@ def read_frames(cursor: Cursor, header: Header) -> FloatArray:
             text[cursor.offset : stop], 0, values[filled:], last=stop >= len(text)
         )
         cursor.offset += n_bytes
+        lines.add(filled + line_ends)
         filled += n_values
-        lines.add(line_ends, n_values)
         if is_invalid:
             _find_layout(cursor, width, *lines.arrays())
             _check_padding(cursor)
@@ -166,7 +166,7 @@ def read_frames(cursor: Cursor, header: Header) -> FloatArray:
             break
         elif not n_bytes:  # a number is longer than the chunk
             chunk_bytes *= 2
-    lines.add(np.array([0]), 0)  # the last line may have no end
+    lines.add(np.array([filled]))  # the last line may have no end
     n_frames, numbers_per_frame = _check_lines(cursor, header, *lines.arrays())
     values.resize((n_frames, numbers_per_frame), refcheck=False)
     return np.ascontiguousarray(values[:, :width])
@@ -192,24 +192,17 @@ class _Lines:
     """The lines that are not blank, and how many numbers each of them holds."""
 
     def __init__(self, first: int) -> None:
-        self._line, self._n_on_line = first, 0  # current line, and its numbers so far
+        self._next, self._n_before = first, 0  # line that ends next, and the numbers before it
         self._lines, self._counts = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
 
-    def add(self, line_ends: IntArray, n_values: int) -> None:
-        """Add `n_values` numbers and the line ends between them.
-
-        `line_ends` holds for each line end how many of these numbers precede it.
-        """
-        if not len(line_ends):
-            self._n_on_line += n_values
-            return
-        counts = np.diff(line_ends, prepend=0)
-        counts[0] += self._n_on_line
-        self._n_on_line = n_values - int(line_ends[-1])
+    def add(self, n_before: IntArray) -> None:
+        """Add the next lines, given how many numbers precede the end of each."""
+        counts = np.diff(n_before, prepend=self._n_before)
         not_blank = np.flatnonzero(counts)
-        self._lines.append(self._line + not_blank)
+        self._lines.append(self._next + not_blank)
         self._counts.append(counts[not_blank])
-        self._line += len(counts)
+        self._next += len(counts)
+        self._n_before += int(counts.sum())
 
     def arrays(self) -> tuple[IntArray, IntArray]:
         """Return the lines that have ended, and their counts of numbers."""
