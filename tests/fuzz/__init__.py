@@ -15,6 +15,12 @@ import mograft as mg
 
 MAX_KIBIBYTES = 1 << 20
 
+NUMBERS = [
+    bytes(8), b"\xff" * 8, b"\xff\xff\xff\x7f" + bytes(4), b"\xff" * 7 + b"\x7f", b"\1" + bytes(7),
+    b"\0\0\0\0\0\0\xf0\x7f", b"\0\0\0\0\0\0\xf8\x7f", b"\xff" * 6 + b"\xef\x7f", b"\0\0\0\x80" * 2
+]  # fmt: skip
+"""Extreme integers and floats, little-endian."""
+
 
 class LimitError(AssertionError):
     """A reader took too long, or too much memory."""

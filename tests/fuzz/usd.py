@@ -15,7 +15,7 @@ import numpy as np
 from pxr import Gf, Usd, UsdSkel, Vt
 from scipy.spatial.transform import Rotation
 
-from tests.fuzz import LimitError, damage, limits, read_motions
+from tests.fuzz import NUMBERS, LimitError, damage, limits, read_motions
 
 JOINTS = ["hips", "hips/spine", "hips/spine/head", "hips/leg"]
 TOKENS = [
@@ -24,11 +24,8 @@ TOKENS = [
     *b"@../x.usda@ @./damaged.usda@ @damaged.usda@</figure> </figure> </figure/walk>".split(),
     *b"Skeleton SkelAnimation SkelRoot Xform def over class { } uniform timeSamples".split(),
     *b"float quatf[] half3[] matrix4d[] token[] = \xc3\x89 \x89".split(),
+    *NUMBERS,
 ]
-TOKENS += [
-    bytes(8), b"\xff" * 8, b"\xff\xff\xff\x7f" + bytes(4), b"\xff" * 7 + b"\x7f", b"\1" + bytes(7),
-    b"\0\0\0\0\0\0\xf0\x7f", b"\0\0\0\0\0\0\xf8\x7f", b"\0\0\0\x80" * 2, b"\0\0\1" + bytes(5)
-]  # fmt: skip
 
 
 def define_figure(stage, name, joints, rest=None, bind=None):
