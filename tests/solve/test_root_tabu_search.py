@@ -19,37 +19,19 @@ from tests.strategies import SEEDS, few_examples
 HAND, HIPS = "LeftHand", "Hips"
 
 
-def distant_wall():
-    """Return a constraint that every pose violates, by the distance of the hips along x."""
-    return mc.KeepOut(HIPS, mc.HalfSpace((900.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
-
-
-def random_sequence(candidates, rng):
-    return {"lower": np.array([rng.choice(own) for own in candidates])}
-
-
-def total_excess(problem, donors):
-    return donor_excess(problem, donors)["lower"].sum()
-
-
-def keep_motion(motion, donors):
-    """Return the motion as it is: no step follows assembly."""
-    del donors
-    return motion
-
-
 @settings(max_examples=2, deadline=None)
 @given(SEEDS)
 def test_rank_substitutions_predicted_violation_matches_each_moved_motion(
     root_library, make_problem, seed
 ):
     rng, root = np.random.default_rng(seed), root_library.root
-    constraints = [distant_wall(), mc.Reach(HAND, (0.0, 900.0, 0.0), 400)]
-    problem = make_problem(root_library, constraints)
+    # Every pose violates the wall, by the distance of the hips along x.
+    wall = mc.KeepOut(HIPS, mc.HalfSpace((900.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
+    problem = make_problem(root_library, [wall, mc.Reach(HAND, (0.0, 900.0, 0.0), 400)])
     segments = problem.base_segments
     trellis = build_trellis(problem, "lower", {})
     is_free = rng.random(len(segments)) < 0.1
-    chosen = random_sequence(trellis.candidates, rng)
+    chosen = {"lower": np.array([rng.choice(own) for own in trellis.candidates])}
     motion = assemble(problem, chosen)
     positions, donors, predicted = rank_substitutions(problem, trellis, chosen, motion, is_free)
     assert (np.diff(predicted) >= 0).all()
@@ -102,19 +84,22 @@ def test_tabu_search_unreachable_target_returns_the_best_evaluated_sequence(
     unreachable = replace(problem, constraints=(mc.Reach(HIPS, (500.0, 900.0, 0.0), 500),))
     seen = []
 
+    def total(donors):
+        return donor_excess(unreachable, donors)["lower"].sum()
+
     def record(motion, donors):
-        seen.append(total_excess(unreachable, donors))
+        seen.append(total(donors))
         return motion
 
     found = tabu_search(unreachable, problem.captured_donors, trellises, record)
-    assert seen[0] > total_excess(unreachable, found) == min(seen) > 0
+    assert seen[0] > total(found) == min(seen) > 0
 
 
 def test_tabu_search_evaluates_the_finished_motion(root_library, make_problem, make_wall):
     wall, root = make_wall(root_library), root_library.root
     problem = make_problem(root_library, [wall])
     trellises = {"lower": build_trellis(problem, "lower", {})}
-    donors = tabu_search(problem, problem.captured_donors, trellises, keep_motion)
+    donors = tabu_search(problem, problem.captured_donors, trellises, lambda motion, _: motion)
     outward = np.array(wall.region.normal) / np.linalg.norm(wall.region.normal)
     hips = assemble(problem, donors).world_positions()[:, root]
     clearance = ((hips - wall.region.point) @ outward).min()

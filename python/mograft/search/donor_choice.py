@@ -96,9 +96,7 @@ class Sample(DonorChoice):
         charge_of = {
             group: charges(source.pools[group], own, config) for group, own in trellises.items()
         }
-
-        def draw_path(costs: Trellis) -> IntArray:
-            return sample(costs, config.temperature, rng)
+        draw_path = partial(self.choose_path, config=config, rng=rng)
 
         def draw_once() -> DonorSequences:
             return {
