@@ -429,38 +429,3 @@ def positions_and_turns(scene, take):
     frames = [world_matrices(scene, values_in_frame(scene, take, f)) for f in range(take.n_frames)]
     worlds = np.array(frames).reshape(take.n_frames, len(scene.nodes), 4, 4)
     return worlds[..., :3, 3] @ conversion.T, conversion @ worlds[..., :3, :3]
-
-
-def scene_of_motions(motions, names):
-    """Return a scene with a take per motion; all motions have the same skeleton.
-
-    The local axes of every joint are turned by a rotation of its own, so that the scene has the
-    pre-rotations and post-rotations of a rig.
-    """
-    skeleton = motions[0].skeleton
-    rng = np.random.default_rng(0)
-    axes = rng.uniform(-90, 90, (skeleton.n_joints, 3))
-    nodes = []
-    for joint, (name, parent) in enumerate(zip(skeleton.names, skeleton.parents, strict=True)):
-        turns = "".join(c[0] for c in skeleton.channels[joint] if c.endswith("rotation"))
-        frame = _rotation(axes[parent])[:3, :3] if parent >= 0 else np.eye(3)
-        # Axes of the joint: those of the parent, pre-rotation, rotation, inverse post-rotation.
-        pre, post = tuple(_angles(frame.T)), tuple(_angles(_rotation(axes[joint])[:3, :3].T))
-        offset, order = tuple(frame.T @ skeleton.offsets[joint]), ORDERS.index(turns[::-1])
-        nodes.append(Node(name, int(parent), T=offset, order=order, pre=pre, post=post))
-    return Scene(tuple(nodes), tuple(map(_take_of_motion, motions, names)))
-
-
-def _angles(matrix):
-    """Return the angles of a rotation about X, then Y, then Z, in degrees."""
-    return Rotation.from_matrix(matrix).as_euler("xyz", degrees=True)
-
-
-def _take_of_motion(motion, name):
-    tracks = {(0, "T"): motion.positions[:, 0]}
-    columns = motion.skeleton.channel_columns
-    numbers = motion.channel_numbers()
-    for joint, names in enumerate(motion.skeleton.channels):
-        values = dict(zip(names, numbers[:, columns[joint]].T, strict=True))
-        tracks[joint, "R"] = np.stack([values[f"{axis}rotation"] for axis in "XYZ"], axis=1)
-    return Take(name, motion.n_frames, (Layer(tracks),))

@@ -13,6 +13,8 @@ from scipy.spatial.transform import Rotation, Slerp
 _PATHS = ("translation", "rotation", "scale")
 _TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 _COMPONENTS = {"<f4": 5126, "i1": 5120, "u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125}
+_DTYPES = {number: dtype for dtype, number in _COMPONENTS.items()}
+_WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
 @dataclass
@@ -28,19 +30,14 @@ class Track:
 
     def at(self, time):
         """Return the value at a time, by the formulas of the specification."""
-        times, n_keys = self.times, len(self.times)
-        cubic = self.interpolation == "CUBICSPLINE"
+        times, cubic = self.times, self.interpolation == "CUBICSPLINE"
         keys = self.values[1::3] if cubic else self.values
         k = max(0, int(np.searchsorted(times, time + 1e-9, side="right")) - 1)
-        if time <= times[0] or n_keys == 1:
-            return keys[0]
-        if k >= n_keys - 1:
-            return keys[-1]
+        if self.interpolation == "STEP" or time <= times[0] or k == len(times) - 1:
+            return keys[k]
         gap = times[k + 1] - times[k]
         u = min(max((time - times[k]) / gap, 0.0), 1.0)
         start, end = keys[k], keys[k + 1]
-        if self.interpolation == "STEP":
-            return start
         if cubic:
             tangents = gap * self.values[3 * k + 2], gap * self.values[3 * k + 3]
             return CubicHermiteSpline([0.0, 1.0], [start, end], tangents)(u)
@@ -81,7 +78,7 @@ class Scene:
             node = self.parents[node]
         return matrix
 
-    def document(self, rng):
+    def document(self, rng=None):
         """Return the JSON document and the buffer; `rng` chooses strides and sparse accessors."""
         builder = Builder(rng)
         nodes = []
@@ -147,7 +144,7 @@ class Builder:
             accessor["normalized"] = True
             stored = np.round(values * np.iinfo(dtype).max)
         stored = np.ascontiguousarray(stored.astype(dtype))
-        way = self.rng.integers(4) if may_vary else 0
+        way = self.rng.integers(4) if may_vary and self.rng is not None else 0
         if way == 1:  # interleaved with other data, after an offset
             row = stored.dtype.itemsize * stored.shape[1]
             stride = row + -row % 4 + 4
@@ -276,10 +273,6 @@ def to_scene(glb, animation):
     return Scene(parents, *(np.array(column, float) for column in columns), tracks)
 
 
-GLB_COMPONENTS = {5126: "<f4", 5121: "u1", 5123: "<u2"}
-GLB_WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-
-
 class Glb:
     """A GLB file, parsed according to the specification, without code of the package."""
 
@@ -297,15 +290,10 @@ class Glb:
 
     def array(self, index):
         accessor = self.document["accessors"][index]
-        view = self.document["bufferViews"][accessor["bufferView"]]
-        width = GLB_WIDTHS[accessor["type"]]
-        raw = np.frombuffer(
-            self.binary,
-            GLB_COMPONENTS[accessor["componentType"]],
-            accessor["count"] * width,
-            view["byteOffset"],
-        )
-        return raw.astype(float).reshape(accessor["count"], width)
+        start = self.document["bufferViews"][accessor["bufferView"]]["byteOffset"]
+        shape = accessor["count"], _WIDTHS[accessor["type"]]
+        dtype = _DTYPES[accessor["componentType"]]
+        return np.ndarray(shape, dtype, self.binary, start).astype(float)
 
     def matrices(self, animation, frame):
         """Return the world matrices of all nodes in a frame."""

@@ -34,7 +34,12 @@ def make_motion():
 
 def write_fbx(motion, path):
     pytest.importorskip("mograft_fbx", reason="mograft-fbx is not installed")
-    path.write_bytes(fbx_scenes.to_binary(fbx_scenes.scene_of_motions([motion], ["walk"])))
+    own = motion.skeleton
+    columns = zip(own.names, own.parents.tolist(), own.offsets.tolist(), strict=True)
+    nodes = tuple(fbx_scenes.Node(name, parent, T=offset) for name, parent, offset in columns)
+    layer = fbx_scenes.Layer({(0, "T"): motion.positions[:, 0]})
+    take = fbx_scenes.Take("walk", motion.n_frames, (layer,))
+    path.write_bytes(fbx_scenes.to_binary(fbx_scenes.Scene(nodes, (take,))))
 
 
 def write_usd(motion, path):

@@ -11,11 +11,9 @@ import numpy as np
 import pytest
 
 import mograft as mg
-from mograft.dancer import dance
 from mograft.io.fbx import load_scene
 from tests.clients import blender_fbx, run_with_blender
-from tests.io import fbx_scenes as fbx
-from tests.io.recorded_files import DATA
+from tests.io.recorded_files import DATA, require
 
 FOLDER = DATA / "fbx"
 EXAMPLE = Path(__file__).parents[2] / "examples" / "blender" / "grafts_to_fbx.py"
@@ -39,15 +37,8 @@ def _extension():
 
 
 def read_recorded(name):
-    """Return the result of `read_both` for a recorded file."""
-    path = FOLDER / f"{name}.fbx"
-    if not path.is_file():
-        pytest.skip(f"{path} is absent")
-    return read_both(path)
-
-
-def read_both(path):
     """Return the clips of a file, and Blender's positions of the joints of each clip, in metres."""
+    path = require(FOLDER / f"{name}.fbx")
     clips, times = mg.read(path), {}
     takes = load_scene(path, path.read_bytes()).takes
     for (name, span, key_span, _), motion in zip(takes, clips, strict=True):
@@ -75,22 +66,10 @@ def in_blender(motion, clips):
 @pytest.mark.client
 @pytest.mark.parametrize("name", FIGURES)
 def test_fbx_world_positions_match_blender(name):
-    assert_same_positions(*read_recorded(name))
-
-
-def assert_same_positions(clips, positions):
-    """Assert that the world positions of clips are those that Blender has, in metres."""
+    clips, positions = read_recorded(name)
     for motion, expected in zip(clips, positions, strict=True):
         height = metres(clips) * np.ptp(motion.skeleton.rest_positions(), axis=0).max()
         np.testing.assert_allclose(in_blender(motion, clips), expected, atol=1e-4 * height, rtol=0)
-
-
-@pytest.mark.client
-def test_fbx_generated_rig_matches_blender(tmp_path):
-    motion = dance(seed=2, strides=1).motion[:60]
-    path = tmp_path / "rig.fbx"
-    path.write_bytes(fbx.to_binary(fbx.scene_of_motions([motion, motion[20:]], ("walk", "turn"))))
-    assert_same_positions(*read_both(path))
 
 
 @pytest.mark.client
@@ -104,9 +83,7 @@ def test_fbx_interpolation_modes_match_blender_at_keys():
 @pytest.mark.client
 @pytest.mark.parametrize("name", ["quaternius_Male_Casual", "Geno_stance"])
 def test_fbx_written_by_example_script_has_world_positions_of_grafts(name, tmp_path):
-    source = FOLDER / f"{name}.fbx"
-    if not source.is_file():
-        pytest.skip(f"{source} is absent")
+    source = require(FOLDER / f"{name}.fbx")
     clips = mg.read(source)
     motions = {"first": clips[0][:12], "last": clips[-1][:8]}
     for stem, motion in motions.items():
