@@ -1,11 +1,10 @@
 """New animations in a copy of a glTF file."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from mograft._util.validate import check_type
 from mograft.errors import DAMAGE, SkeletonMismatchError, suggest_name
 from mograft.io.export_figure import ROTATIONS_TO_Y_UP
 from mograft.io.glb import GltfBuffer, Json
-from mograft.io.gltf.animation import PATH_WIDTHS, animation_names
+from mograft.io.gltf.animation import Animation, animation_names
 from mograft.io.gltf.copy_content import copy_content
 from mograft.io.gltf.document import GltfFile, read_gltf_file
 from mograft.io.gltf.grafts import complete, find_original, provenance, with_provenance
@@ -205,11 +204,11 @@ def append_animations(
     present = animation_names(animations)
     given = [own.motion.name or "motion" for own in additions]
     names = given if is_update else unique_names([*present, *given])[len(present) :]
-    tables = [_new_tables(file, addition) for addition in additions]
-    document["nodes"] = _animated_nodes(file, {node for table in tables for node, _ in table.keys})
-    for new in map(partial(_build_animation, file, buffer), tables, additions, names):
-        place = present.index(new["name"]) if new["name"] in present else len(animations)
-        animations[place : place + 1] = [new]
+    added = list(map(partial(_build_animation, file, buffer), additions, names))
+    document["nodes"] = _animated_nodes(file, added)
+    for own in added:
+        place = present.index(own["name"]) if own["name"] in present else len(animations)
+        animations[place : place + 1] = [own]
     captured = [[own for own in items if not provenance(own)] for items in (before, animations)]
     if captured[0] != captured[1]:
         original = original._replace(sha256="")
@@ -220,19 +219,56 @@ def append_animations(
     return tuple(names), buffer.pack(document)
 
 
-class _NewTables(NamedTuple):
-    """The new tracks of an animation."""
+def _animated_nodes(file: GltfFile, animations: Sequence[Json]) -> list[Json]:
+    """Return the nodes of the file; matrices of animated ones become the three other properties.
 
-    times: FloatArray  # seconds, shape (n_frames,)
-    keys: dict[tuple[int, str], FloatArray]  # values in every frame, by node and property
+    glTF forbids matrices in animated nodes.
+    """
+    nodes, rest = list(file.container.items("nodes")), file.tree.rest
+    targets = {own["target"].get("node") for each in animations for own in each["channels"]}
+    for node in targets - {None}:
+        if "matrix" in nodes[node]:
+            nodes[node] = nodes[node] | {
+                "translation": rest.translations[0, node].tolist(),
+                "rotation": rest.rotations[0, node].tolist(),
+                "scale": rest.scales[0, node].tolist(),
+            }
+            del nodes[node]["matrix"]
+    return nodes
 
 
-def _new_tables(file: GltfFile, addition: Addition) -> _NewTables:
-    """Return the tracks of a motion that it does not share with its base clip."""
-    motion, base, clip = addition.motion, addition.base, addition.clip
-    animation = None if clip is None else file.read(clip)
-    start = 0.0 if animation is None else animation.start
+def _build_animation(file: GltfFile, buffer: GltfBuffer, addition: Addition, name: str) -> Json:
+    """Append the keys of an animation to the buffer; return the animation.
+
+    Properties without new keys keep the samplers of the clip.
+    """
+    motion, clip = addition.motion, addition.clip
+    base = None if clip is None else file.read(clip)
+    start = 0.0 if base is None else base.start
     times = np.linspace(start, start + motion.duration, motion.n_frames)
+    tracks = _new_tracks(file, addition, base, times)
+    channels, samplers = ([], []) if clip is None else _keep_channels(file, clip, tracks)
+    ends = sorted({0, len(times) - 1})
+    inputs: dict[int, int] = {}
+    for (node, path), values in tracks.items():
+        stored = values.astype("<f4")
+        rows = np.arange(len(stored)) if (stored != stored[0]).any() else np.array(ends)
+        channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
+        keys = times[rows], values[rows]
+        samplers.append(buffer.add_keys(*keys, inputs, interpolation="LINEAR"))
+    animation = {"name": name, "channels": channels, "samplers": samplers}
+    text = addition.provenance
+    return animation if text is None else with_provenance(animation, text)
+
+
+def _new_tracks(
+    file: GltfFile, addition: Addition, animation: Animation | None, times: FloatArray
+) -> dict[tuple[int, str], FloatArray]:
+    """Return the tracks of a motion that it does not share with its base, the clip `animation`.
+
+    These are the values at `times` by node and property.
+    """
+    motion, base = addition.motion, addition.base
     if animation is None or base is None:
         local = file.moved_rest.of(np.arange(len(file.moved_nodes)), motion.n_frames)
         quats, translations = _local_tracks(file, motion, local)
@@ -245,75 +281,31 @@ def _new_tables(file: GltfFile, addition: Addition) -> _NewTables:
         local = file.sample(animation, times)
         quats, translations = _local_tracks(file, motion, local)
         is_turned, is_moved = _changed_tracks(file, motion, base, local.scales)
-    values: dict[tuple[int, str], FloatArray] = {}
+    tracks: dict[tuple[int, str], FloatArray] = {}
     for joint, node in enumerate(file.joints.tolist()):
         if is_moved[joint]:
-            values[node, "translation"] = translations[:, joint]
+            tracks[node, "translation"] = translations[:, joint]
         if is_turned[joint]:
-            values[node, "rotation"] = quats[:, joint]
-    return _NewTables(times, values)
-
-
-def _animated_nodes(file: GltfFile, animated: set[int]) -> list[Json]:
-    """Return the nodes of the file; matrices of `animated` become translation, rotation and scale.
-
-    glTF forbids matrices in animated nodes.
-    """
-    nodes = list(file.container.items("nodes"))
-    rest = file.tree.rest
-    for node in animated:
-        if "matrix" in nodes[node]:
-            nodes[node] = nodes[node] | {
-                "translation": rest.translations[0, node].tolist(),
-                "rotation": rest.rotations[0, node].tolist(),
-                "scale": rest.scales[0, node].tolist(),
-            }
-            del nodes[node]["matrix"]
-    return nodes
-
-
-def _build_animation(
-    file: GltfFile, buffer: GltfBuffer, tables: _NewTables, addition: Addition, name: str
-) -> Json:
-    """Append the keys of an animation to the buffer; return the animation.
-
-    Properties without new keys keep the samplers of the clip.
-    """
-    samplers: list[Json] = []
-    channels: list[Json] = []
-    if addition.clip is not None:
-        _keep_channels(file, addition.clip, tables, samplers, channels)
-    ends = sorted({0, len(tables.times) - 1})
-    inputs: dict[int, int] = {}
-    for (node, path), values in tables.keys.items():
-        stored = values.astype("<f4")
-        rows = np.arange(len(stored)) if (stored != stored[0]).any() else np.array(ends)
-        channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
-        keys = tables.times[rows], values[rows]
-        samplers.append(buffer.add_keys(*keys, inputs, interpolation="LINEAR"))
-    animation = {"name": name, "channels": channels, "samplers": samplers}
-    text = addition.provenance
-    return animation if text is None else with_provenance(animation, text)
+            tracks[node, "rotation"] = quats[:, joint]
+    return tracks
 
 
 def _keep_channels(
-    file: GltfFile, clip: int, tables: _NewTables, samplers: list[Json], channels: list[Json]
-) -> None:
-    """Append the channels of a clip that have no new keys, and their samplers."""
+    file: GltfFile, clip: int, tracks: Container[tuple[int, str]]
+) -> tuple[list[Json], list[Json]]:
+    """Return the channels of a clip that have no new tracks, and their samplers."""
     number = file.animations[clip]
     base = file.container.items("animations")[number]
+    channels: list[Json] = []
     kept: dict[int, int] = {}  # index of each kept sampler of the clip
     for channel in base["channels"]:
         target, index = channel["target"], channel.get("sampler")
-        path = target.get("path")
-        if path in PATH_WIDTHS and (target.get("node"), path) in tables.keys:
+        if (target.get("node"), target.get("path")) in tracks:
             continue
         place = f"animations[{number}].channels"
-        sampler = file.container.choose(base["samplers"], index, place, "samplers")
-        if index not in kept:
-            kept[index] = len(samplers)
-            samplers.append(sampler)
-        channels.append({**channel, "sampler": kept[index]})
+        file.container.choose(base["samplers"], index, place, "samplers")
+        channels.append({**channel, "sampler": kept.setdefault(index, len(kept))})
+    return channels, [base["samplers"][index] for index in kept]
 
 
 def _local_tracks(
