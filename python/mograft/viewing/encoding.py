@@ -57,9 +57,7 @@ def encode_scene(
     motions += [own["clip"].motion for own in objects if own["kind"] == "figure"]
     total = sum(motion.n_frames * motion.n_joints for motion in motions)
     step = max(1, -(-total // max_rotations))
-    skeletons = [
-        DrawnSkeleton.of(figure.motion, figure.motion.n_frames) for figure in scene.figures
-    ]
+    skeletons = [DrawnSkeleton.of(figure.motion) for figure in scene.figures]
     donors: dict[str, int] = {}
     listed = {id(own.candidates): own for own in scene.figures if own.candidates}
     numbers = {key: number for number, key in enumerate(listed)}
@@ -97,7 +95,7 @@ def encode_figure(figure: Figure, *, is_mesh: bool) -> dict[str, Any]:
 
     ``donors`` has the clips of its `source` numbers. `is_mesh` is whether a mesh shows it.
     """
-    skeleton, donors = DrawnSkeleton.of(figure.motion, figure.motion.n_frames), dict[str, int]()
+    skeleton, donors = DrawnSkeleton.of(figure.motion), dict[str, int]()
     own = _encode_figure(figure, skeleton, (1, _MESH_PRECISION if is_mesh else 1.0), donors)
     return {**own, "donors": list(donors), "height": skeleton.height, "floor": skeleton.floor}
 
@@ -426,7 +424,7 @@ def _encode_obstacle(obstacle: Obstacle, to_page: FloatArray) -> dict[str, Any] 
 
 def _encode_character(own: Character, to_page: FloatArray, step: int) -> dict[str, Any]:
     """Return the motion of a character, placed in the axes of the page."""
-    drawn = DrawnSkeleton.of(own.motion, own.motion.n_frames)
+    drawn = DrawnSkeleton.of(own.motion)
     yaw = rotations.exp(own.yaw * np.eye(3)[up_axis(own.motion)])
     turn = rotations.multiply(rotations.from_matrices(to_page), yaw)
     place = {"turn": _numbers(turn), "place": _numbers(to_page @ np.array(own.offset, float))}

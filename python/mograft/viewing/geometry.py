@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf
 from typing import NamedTuple
 
@@ -47,49 +48,60 @@ class DrawnSkeleton:
     The nodes are the joints, then the end sites, then for some skeletons the top of the head.
     """
 
-    positions: FloatArray  # World, (n_frames, n_nodes, 3), in the unit of the motion, y up.
+    motion: Motion
     to_y_up: FloatArray  # Rotation matrix from the axes of the motion to those of `positions`.
     parents: list[int]  # The node at which the bone of each node begins; -1 without a bone.
     root: int  # The joint whose path the camera follows.
     height: float  # Of the body.
-    floor: float  # Height of the floor.
     tips: list[int]  # The nodes at the ends of the limbs, fingers excepted; at most 12.
     ends: list[tuple[int, FloatArray]]  # Joint and offset of each node that is no joint.
     bones: list[Bone]  # In the order of the nodes, then others.
 
     @classmethod
-    def of(cls, motion: Motion, step: int = 1) -> "DrawnSkeleton":
-        """Return the nodes of a motion, with their positions in every `step`-th frame."""
+    def of(cls, motion: Motion) -> "DrawnSkeleton":
+        """Return the nodes and bones of a motion."""
         skeleton = motion.skeleton
         known = anatomy(skeleton)
         mass = mass_model(skeleton)
-        to_y_up = _to_y_up(motion)
         parents = node_parents(motion)
         ends = [(site.parent, site.offset) for site in skeleton.end_sites]
         top = _head_without_end(motion)
         if top is not None:
             parents.append(top)
             ends.append((top, mass.bone[top]))
-        positions = np.empty((-(-motion.n_frames // step), len(parents), 3))
-        lowest = np.empty(motion.n_frames)
-        for frames, own in _node_blocks(motion, parents, ends):
-            turned = own @ to_y_up.T
-            lowest[frames] = turned[:, :, 1].min(axis=1)
-            first = -(-frames.start // step)
-            stored = turned[first * step - frames.start :: step]
-            positions[first : first + len(stored)] = stored
         root = motion.locomotion_root()
         return cls(
-            positions=positions,
-            to_y_up=to_y_up,
+            motion=motion,
+            to_y_up=_to_y_up(motion),
             parents=parents,
             root=known.hips if root in root_carriers(skeleton) else root,
             height=mass.height,
-            floor=float(np.percentile(lowest, 5)),
             tips=_limb_tips(known, parents),
             ends=ends,
             bones=_drawn_bones(skeleton, parents, ends, mass.height),
         )
+
+    @cached_property
+    def positions(self) -> FloatArray:
+        """World positions, (n_frames, n_nodes, 3), in the unit of the motion, y up."""
+        return np.concatenate(list(self._blocks()))
+
+    @cached_property
+    def floor(self) -> float:
+        """Height of the floor."""
+        lowest = [own[:, :, 1].min(axis=1) for own in self._blocks()]
+        return float(np.percentile(np.concatenate(lowest), 5))
+
+    def _blocks(self) -> Iterator[FloatArray]:
+        """Yield the positions of the nodes in consecutive ranges of frames."""
+        is_drawn, hips = _drawn_nodes(self.parents), anatomy(self.motion.skeleton).hips
+        for _, turns, joints in self.motion.world_blocks():
+            sites = [
+                joints[:, own] + rotations.rotate(turns[:, own], end) for own, end in self.ends
+            ]
+            positions = np.concatenate([joints, *(site[:, None] for site in sites)], axis=1)
+            positions[:, ~is_drawn] = joints[:, [hips]]
+            yield positions @ self.to_y_up.T
 
 
 def node_parents(motion: Motion) -> list[int]:
@@ -101,22 +113,6 @@ def node_parents(motion: Motion) -> list[int]:
     carriers = root_carriers(skeleton)
     parents = [*skeleton.parents.tolist(), *(site.parent for site in skeleton.end_sites)]
     return [-1 if parent in carriers else parent for parent in parents]
-
-
-def _node_blocks(
-    motion: Motion, parents: list[int], ends: list[tuple[int, FloatArray]]
-) -> Iterator[tuple[slice, FloatArray]]:
-    """Yield consecutive ranges of frames, each with the world positions of the nodes.
-
-    `parents` are those of all nodes. `ends` has the joint of each node that is no joint, and its
-    offset from it.
-    """
-    is_drawn, hips = _drawn_nodes(parents), anatomy(motion.skeleton).hips
-    for frames, turns, joints in motion.world_blocks():
-        sites = [joints[:, own] + rotations.rotate(turns[:, own], end) for own, end in ends]
-        positions = np.concatenate([joints, *(site[:, None] for site in sites)], axis=1)
-        positions[:, ~is_drawn] = joints[:, [hips]]
-        yield frames, positions
 
 
 def _drawn_nodes(parents: list[int]) -> BoolArray:
