@@ -63,8 +63,6 @@ def make_pictures() -> None:
         "minute": lambda: plot.strip(minute.motion, 20, groups="lower_upper"),
         "pca": lambda: plot.pca(library),
         "dendrogram": lambda: plot.dendrogram(library),
-        "clusters": lambda: plot.clusters(library),
-        "groups": lambda: plot.groups(mg.discover_groups(motion, 3))[0],
     }
     for name, draw in drawings.items():
         draw().get_figure(root=True).savefig(MADE / f"{name}.png", dpi=110)
@@ -92,8 +90,6 @@ GALLERY = {
     "energy": ("Kinetic energy and the segments cut at its extrema", "plot.energy(motion)"),
     "pca": ("Segments as points, coloured by cluster", "plot.pca(library)"),
     "dendrogram": ("Tree of complete linkage", "plot.dendrogram(library)"),
-    "clusters": ("Sizes of the clusters", "plot.clusters(library)"),
-    "groups": ("Linkage tree of the joints, and the discovered groups", "plot.groups(discovery)"),
     "minute": ("A base of a minute from a random walk", "mg.graft(library, scenario=walk(...))"),
     "live": ("Graft of a stream that receives ten frames at a time", "mg.Stream(library)"),
 }

@@ -223,7 +223,6 @@ PAGES: dict[str, tuple[tuple[str, ...], str]] = {
         mograft groups demo/dance.bvh --preset auto:3 -o groups.toml
         mograft graft demo/dance.bvh --groups auto:3 -o grafts
         mograft graft demo/dance.bvh --groups groups.toml -o again
-        mograft plot groups demo/dance.bvh --groups auto:3 -o groups.png
         """,
     ),
 }
@@ -402,7 +401,7 @@ EXPORTS = (
     "slow.npz --rate 15 --frames 10-90",
     "dark.gif --dark --frames 0-30 --size 200x160 --groups lower_torso_arms",
 )
-PLOTS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters", "groups")
+PLOTS = ("strip", "timeline", "energy", "pca", "dendrogram")
 
 
 def exports() -> Iterator[Case]:

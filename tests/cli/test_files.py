@@ -112,7 +112,7 @@ def test_groups_file_is_accepted_by_all_commands(run, succeed, folder, tmp_path)
     assert [run(*words, *force)[0] for force in ([], ["--force"])] == [1, 0]
     groups.write_text(groups.read_text().replace("upper", "above"))
     for words in (
-        ("plot", "clusters", clip, "--group", "above", "-o", tmp_path / "a.png"),
+        ("plot", "pca", clip, "--group", "above", "-o", tmp_path / "a.png"),
         ("plot", "strip", clip, "-o", tmp_path / "strip.png"),
         ("view", clip, "-o", tmp_path / "a.html"),
         ("export", clip, "-o", tmp_path / "a.glb"),

@@ -123,7 +123,7 @@ def test_graft_measure_without_scipy_names_extra(fail, folder, tmp_path, monkeyp
     [
         ("graft", "-o", "x"),
         ("candidates", "--segment", 3),
-        ("plot", "clusters", "-o", "x.png"),
+        ("plot", "pca", "-o", "x.png"),
         ("evaluate", "balance", "--runs", 1, "--bases", 1),
         ("index", "-o", "x.mograft"),
     ],

@@ -123,8 +123,6 @@ MISTAKES = [
     ("info a.bvh --model robot.xml --skeleton a.bvh", USAGE, "--skeleton cannot be combined with"),
     ("info a.bvh --model robot.xml --fps x", USAGE, "--fps: must be FPS or GLOB=FPS"),
     ("info a.bvh --model robt.xml", RUNTIME, "file or directory; did you mean 'robot.xml'?"),
-    ("plot groups a.bvh -o x.svg --groups lower_upper", USAGE,
-     "needs --groups auto or auto:N, got lower_upper"),
     ("graft a.bvh -o x --groups auto:1", USAGE, "--groups: must be auto or auto:N with a whole "
      "number N of at least 2, got 'auto:1'"),
     # Outputs

@@ -63,7 +63,7 @@ def test_commands_take_clips_of_a_library_by_name_glob_and_tag(stored_library, t
     assert names <= {"a~2", "b", "d"}
 
 
-@pytest.mark.parametrize("kind", ["pca", "dendrogram", "clusters", "timeline"])
+@pytest.mark.parametrize("kind", ["pca", "dendrogram", "timeline"])
 def test_plot_command_accepts_library(stored_library, tmp_path, capsys, kind):
     pytest.importorskip("matplotlib", reason="needs the extra plot")
     folder, picture = stored_library.folder, tmp_path / "picture.svg"

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from mograft import Config, Library, discover_groups, graft, kinetic_energy, segment, write_bvh
+from mograft import Config, Library, graft, kinetic_energy, segment, write_bvh
 from mograft.body.mass import mass_model
 from mograft.cli import main
 from mograft.cli.syntax.commands import PLOT_KINDS
@@ -84,39 +84,6 @@ def test_timeline_exchanged_segments_are_hatched(library, axes):
     assert len(axes.collections) == 3 * len(shown)
 
 
-def test_groups_tree_and_pose_have_values_and_colours_of_discovery(motion):
-    found = discover_groups(motion, 3)
-    tree, pose = plot.groups(found)
-    heights = sorted(line.get_xdata()[1] for line in tree.lines[:-1])
-    np.testing.assert_allclose(heights, np.sort(found.tree[:, 2]))
-    (line,) = tree.lines[-1:]
-    position = float(line.get_xdata()[0])
-    assert np.count_nonzero(found.tree[:, 2] < position) == len(found.units) - 3
-    labels = tree.get_yticklabels()
-    assert len(labels) == len(found.units)
-    assert labels[0].get_text() == "Hips ... RightFoot"
-    members = found.groups.resolve(motion.skeleton)
-    for label in labels:
-        first = motion.skeleton.index(label.get_text().split(" ... ")[0])
-        index = next(i for i, joints in enumerate(members.values()) if first in joints)
-        assert colors.to_hex(label.get_color()) == plot.PALETTE[index]
-    names = [text.get_text() for text in pose.get_legend().get_texts()]
-    assert set(names) == set(members)
-    pyplot.close("all")
-
-
-def test_command_plot_groups_library_and_files_agree(motion, tmp_path):
-    write_bvh(motion, tmp_path / "a.bvh")
-    Library.index(tmp_path / "a.bvh", tmp_path / "lib")
-    pictures = []
-    for source in ("a.bvh", "lib"):
-        target = tmp_path / f"{source}.svg"
-        words = ["plot", "groups", str(tmp_path / source), "--groups", "auto:2", "-o", str(target)]
-        assert main(words) == 0
-        pictures.append(target.read_bytes())
-    assert pictures[0] == pictures[1]
-
-
 def test_dendrogram_threshold_gives_clusters(library, axes):
     plot.dendrogram(library, ax=axes)
     branches = [branch for c in axes.collections for branch in c.get_segments()]
@@ -133,12 +100,6 @@ def test_dendrogram_threshold_gives_clusters(library, axes):
 
 def _is_grey(collection):
     return np.ptp(collection.get_colors()[0, :3]) == 0
-
-
-def test_clusters_bars_equal_sorted_sizes(library, axes):
-    plot.clusters(library, ax=axes)
-    heights = [bar.get_height() for bar in axes.patches]
-    assert heights == sorted(np.bincount(library.labels["lower"]).tolist(), reverse=True)
 
 
 @pytest.mark.parametrize(

@@ -131,9 +131,9 @@ def discover_groups(
     Returns
     -------
     GroupDiscovery
-        The groups, the dependences and the linkage tree, for `mograft.plot.groups`. The base group
-        is the first: the hips with their ancestors, and all chains of joints that carry the body,
-        such as the legs. Names are those of the presets if the body parts are the same.
+        The groups, the dependences and the linkage tree. The base group is the first: the hips with
+        their ancestors, and all chains of joints that carry the body, such as the legs. Names are
+        those of the presets if the body parts are the same.
 
     Raises
     ------
@@ -161,15 +161,6 @@ def discover_groups(
     plan = IngestPlan(config=Config() if config is None else config, **options)
     result = ingest_motions(spread_evenly(plan.find_clips(clips)), plan)
     return _discover(result.clips, n, plan.config, seed)
-
-
-def discover_in_library(library: LibraryData, n: int | None = None) -> GroupDiscovery:
-    """Discover `n` groups in the clips of a library; the groups of the library have no effect."""
-    cut, is_donor = library.segments, library.is_donor
-    clips = spread_evenly(range(len(library.entries)))
-    donors = [(clip, own[is_donor[own]]) for clip in clips for own in [cut.of_clip(clip)]]
-    motions = ((library.clips[clip], cut[own]) for clip, own in donors if len(own))
-    return discover_in_segments(motions, n, library.config)
 
 
 def choose_groups(

@@ -10,13 +10,7 @@ from typing import TYPE_CHECKING, Any
 import mograft as mg
 from mograft._util.atomic import write_bytes
 from mograft._util.extras import import_extra
-from mograft._util.names import (
-    AUTOMATIC,
-    automatic_number,
-    is_automatic,
-    portable_stem,
-    unique_names,
-)
+from mograft._util.names import portable_stem, unique_names
 from mograft.cli import configuration, files
 from mograft.cli.graft_files import open_page
 from mograft.cli.output import print_remark, print_result, show_progress
@@ -28,7 +22,6 @@ from mograft.io.character import open_character
 from mograft.io.export_figure import UNITS, guess_unit
 from mograft.io.formats import read_clip, split_address
 from mograft.io.gltf.document import GltfFile
-from mograft.library.build import discover_in_library
 from mograft.library.discover import is_graft
 from mograft.provenance.writing import WRITERS, write_character
 from mograft.scenario.bending import bend
@@ -38,15 +31,11 @@ from mograft.viewing.scene import Scene
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_CLUSTER_KINDS = {
-    "pca": mg.plot.pca,
-    "dendrogram": mg.plot.dendrogram,
-    "clusters": mg.plot.clusters,
-}
+_CLUSTER_KINDS = {"pca": mg.plot.pca, "dendrogram": mg.plot.dendrogram}
 _KINDS_OF_OPTION: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(("clip", "frames"), ("strip", "timeline", "energy")),
-    "groups": ("strip", "timeline", *_CLUSTER_KINDS, "groups"),
-    "match": ("timeline", *_CLUSTER_KINDS, "groups"),
+    "groups": ("strip", "timeline", *_CLUSTER_KINDS),
+    "match": ("timeline", *_CLUSTER_KINDS),
     "group": tuple(_CLUSTER_KINDS),
 }
 _FIGURES = (".glb", ".usd", ".usda", ".usdc")
@@ -118,8 +107,7 @@ def run_plot(options: PlotOptions) -> int:
 def _draw(options: PlotOptions) -> "Axes":
     folder = files.library_folder(options.files, options.clip)
     if folder is not None:
-        fixed = () if options.kind == "groups" else ("groups",)
-        configuration.refuse_fixed_options(options, *fixed, "match", "skeleton", "model")
+        configuration.refuse_fixed_options(options, "groups", "match", "skeleton", "model")
     configuration.refuse_useless_options(options, _KINDS_OF_OPTION, options.kind)
     if options.kind in ("strip", "energy"):
         motion, groups, config = _single_motion(options, folder)
@@ -127,36 +115,12 @@ def _draw(options: PlotOptions) -> "Axes":
         if options.kind == "energy":
             return mg.plot.energy(motion, config, frames=frames)
         return mg.plot.strip(motion, options.poses, groups=groups, frames=frames)
-    if options.kind == "groups":
-        return mg.plot.groups(_discovery(options, folder))[0]
     if options.kind == "timeline":
         scene = _timeline_scene(options, folder)
         rate = scene.figures[0].motion.rate
         return mg.plot.timeline(scene, frames=resolve_frames(options.frames, rate))
     library = configuration.load_library(options)
     return _CLUSTER_KINDS[options.kind](library, options.group)
-
-
-def _discovery(options: PlotOptions, folder: Path | None) -> mg.GroupDiscovery:
-    """Return the groups that ``--groups auto`` or ``auto:N`` discovers in a library or in files.
-
-    `folder` is that of a library, or None for motion files. Any other value of ``--groups`` is a
-    usage error on the command line, and is ignored in the configuration file and the environment.
-    """
-    name = options.groups or AUTOMATIC
-    if not is_automatic(name):
-        if options.given("groups"):
-            raise UsageError(f"the picture groups needs --groups auto or auto:N, got {name}")
-        name = AUTOMATIC
-    if folder is not None:
-        return discover_in_library(mg.Library.open(folder), automatic_number(name))
-    return mg.discover_groups(
-        files.expand_folders(options.files, include_grafts=options.include_grafts),
-        automatic_number(name),
-        config=configuration.selected_config(options),
-        match=options.match or "names",
-        skeleton=configuration.selected_skeleton(options),
-    )
 
 
 def _timeline_scene(options: PlotOptions, folder: Path | None) -> Scene:

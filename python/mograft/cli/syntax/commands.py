@@ -8,7 +8,7 @@ from mograft.cli.syntax import datasets, options, values
 from mograft.cli.syntax.arguments import Command, Options, option, positional, setting
 from mograft.cli.syntax.converters import Value, choice
 
-PLOT_KINDS = ("strip", "timeline", "energy", "pca", "dendrogram", "clusters", "groups")
+PLOT_KINDS = ("strip", "timeline", "energy", "pca", "dendrogram")
 EVALUATION_TOPICS = ("quality", "world", "detectability", "balance")
 _FIGURE_COLOURS = "joint groups that set the colours"
 
@@ -179,17 +179,16 @@ class PlotOptions(options.LibraryOptions, options.WriterOptions):
 
     kind: Annotated[str, choice(*PLOT_KINDS, placeholder="KIND")] = positional(
         "strip (poses of one motion), timeline (segments along time), energy (kinetic energy), pca "
-        "(segments in principal components), dendrogram (linkage tree), clusters (cluster sizes) "
-        "or groups (which joints move together)"
+        "(segments in principal components) or dendrogram (linkage tree)"
     )
     clip: tuple[values.Name, ...] = option(
         "clips of a library for strip, energy, timeline, or globs (default: all); may be repeated"
     )
     output: values.File = option(".png, .svg or .pdf file to write", short="-o", is_required=True)
     groups: values.Groups | None = options.groups_option(
-        default="lower_upper; for strip trunk, arms and legs; for groups auto"
+        default="lower_upper; for strip trunk, arms and legs"
     )
-    group: values.Name | None = option("group for pca, dendrogram or clusters (default: the base)")
+    group: values.Name | None = option("group for pca or dendrogram (default: the base)")
     poses: values.Count = setting("number of poses of strip (default: 12)", default=12)
     frames: values.Frames | None = option(
         "frames, or times as 3s-4s, for strip, timeline or energy (default: all)"

@@ -28,20 +28,16 @@ _NUMBER_STYLE: dict[str, Any] = {
 
 
 def ensure_axes(ax: "Axes | None", size: tuple[float, float]) -> "Axes":
-    """Return `ax`, or if it is None the axes of a new figure with a given size in inches."""
-    axes: Axes = new_axes(size) if ax is None else ax
-    return axes
-
-
-def new_axes(size: tuple[float, float], *counts: int, **options: Any) -> Any:  # noqa: ANN401
-    """Return the axes of a new figure; `counts` and `options` are those of ``plt.subplots``.
+    """Return `ax`, or if it is None the axes of a new figure with a given size in inches.
 
     Raise an ImportError with the remedy if Matplotlib is not installed.
     """
+    if ax is not None:
+        return ax
     import_extra("matplotlib", "plots need matplotlib", "plot")
     from matplotlib import pyplot
 
-    return pyplot.subplots(*counts, figsize=size, layout="constrained", **options)[1]
+    return pyplot.subplots(figsize=size, layout="constrained")[1]
 
 
 def cluster_colour(cluster: int) -> str:
