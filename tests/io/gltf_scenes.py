@@ -1,20 +1,21 @@
-"""Random scenes as glTF files, their slow evaluation, and an independent reader of GLB files."""
+"""Random scenes as glTF files, and their slow evaluation; the vertices of skinned meshes."""
 
 import base64
 import json
 import struct
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
+from mograft.io.gltf.container import read_accessor
+from mograft.io.rest_pose import restore
+from mograft.motion import rotations
+
 _PATHS = ("translation", "rotation", "scale")
 _TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 _COMPONENTS = {"<f4": 5126, "i1": 5120, "u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125}
-_DTYPES = {number: dtype for dtype, number in _COMPONENTS.items()}
-_WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
 @dataclass
@@ -255,63 +256,34 @@ def write_gltf(folder, document, binary, way):
     return path
 
 
-def to_scene(glb, animation):
-    """Return the scene of a file that `tests.io.gltf_scenes.Glb` has parsed."""
-    nodes = glb.document["nodes"]
-    parents = [-1] * len(nodes)
-    for index, node in enumerate(nodes):
-        for child in node.get("children", []):
-            parents[child] = index
-    tracks = []
-    for channel in animation["channels"]:
-        sampler = animation["samplers"][channel["sampler"]]
-        node, path = channel["target"]["node"], channel["target"]["path"]
-        times, values = glb.array(sampler["input"])[:, 0], glb.array(sampler["output"])
-        tracks.append(Track(node, path, sampler.get("interpolation", "LINEAR"), times, values))
-    rest = {"translation": [0, 0, 0], "rotation": [0, 0, 0, 1], "scale": [1, 1, 1]}
-    columns = ([node.get(path, default) for node in nodes] for path, default in rest.items())
-    return Scene(parents, *(np.array(column, float) for column in columns), tracks)
+def read_primitives(file):
+    """Return the arrays by attribute of each mesh primitive, and its material."""
+    widths = {"TEXCOORD_0": 2, "JOINTS_0": 4, "WEIGHTS_0": 4}
+    for primitive in (own for mesh in file.container.items("meshes") for own in mesh["primitives"]):
+        found = {
+            name: read_accessor(file.container, index, "", widths.get(name, 3))
+            for name, index in primitive["attributes"].items()
+        }
+        if "indices" in primitive:
+            found["indices"] = read_accessor(file.container, primitive["indices"], "", 1)[:, 0]
+        yield found, primitive.get("material")
 
 
-class Glb:
-    """A GLB file, parsed according to the specification, without code of the package."""
-
-    def __init__(self, path):
-        data = Path(path).read_bytes()
-        magic, version, length = struct.unpack_from("<4sII", data)
-        assert (magic, version, length) == (b"glTF", 2, len(data))
-        size, kind = struct.unpack_from("<I4s", data, 12)
-        assert kind == b"JSON"
-        self.document = json.loads(data[20 : 20 + size].decode("utf-8"))
-        rest, kind = struct.unpack_from("<I4s", data, 20 + size)
-        assert kind == b"BIN\0"
-        assert 28 + size + rest == len(data)
-        self.binary = data[28 + size :]
-
-    def array(self, index):
-        accessor = self.document["accessors"][index]
-        start = self.document["bufferViews"][accessor["bufferView"]]["byteOffset"]
-        shape = accessor["count"], _WIDTHS[accessor["type"]]
-        dtype = _DTYPES[accessor["componentType"]]
-        return np.ndarray(shape, dtype, self.binary, start).astype(float)
-
-    def matrices(self, animation, frame):
-        """Return the world matrices of all nodes in a frame."""
-        scene = to_scene(self, animation)
-        time = next((own.times[frame] for own in scene.tracks if len(own.times) > frame), 0.0)
-        return [scene.world_matrix(node, time) for node in range(len(scene.parents))]
-
-    def skin_vertices(self, animation, frame):
-        """Return the skinned vertices of the mesh in a frame, and the joint of each."""
-        skin = self.document["skins"][0]
-        inverse = self.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
-        world = self.matrices(animation, frame)
-        transforms = np.array([world[j] for j in skin["joints"]]) @ inverse
-        attributes = self.document["meshes"][0]["primitives"][0]["attributes"]
-        joints = self.array(attributes["JOINTS_0"])[:, 0].astype(int)
-        vertices = self.array(attributes["POSITION"])
-        homogeneous = np.concatenate([vertices, np.ones((len(vertices), 1))], axis=1)
-        return np.einsum("vij,vj->vi", transforms[joints], homogeneous)[:, :3], joints
+def skinned(file, motion, found):
+    """Return the world positions (n_frames, n, 3) of the vertices of a primitive."""
+    (skin,) = file.container.items("skins")
+    columns = read_accessor(file.container, skin["inverseBindMatrices"], "", 16)
+    inverse = columns.reshape(-1, 4, 4).transpose(0, 2, 1)
+    turned, places = restore(file.rest, motion)
+    worlds = np.zeros((*turned.shape[:2], 4, 4))
+    for axis in range(3):
+        worlds[..., :3, axis] = rotations.rotate(turned, np.eye(3)[axis])
+    worlds[..., :3, 3], worlds[..., 3, 3] = places, 1.0
+    rows = {node: row for row, node in enumerate(file.joints.tolist())}
+    matrices = worlds[:, [rows[node] for node in skin["joints"]]] @ inverse
+    points = np.c_[found["POSITION"], np.ones(len(found["POSITION"]))]
+    moved = np.einsum("fvkij,vj->fvki", matrices[:, found["JOINTS_0"]], points)
+    return np.einsum("vk,fvki->fvi", found["WEIGHTS_0"], moved)[..., :3]
 
 
 def assert_equal_up_to_rotation(actual, expected, atol):

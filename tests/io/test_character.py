@@ -1,5 +1,7 @@
 """Characters: FBX files as GLB files with meshes, skin, base colours and takes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,12 +10,10 @@ from hypothesis import strategies as st
 import mograft as mg
 from mograft.cli import main
 from mograft.io.character import open_character
-from mograft.io.gltf.container import read_accessor
-from mograft.io.rest_pose import restore
-from mograft.motion import rotations
 from tests import clients
 from tests.io import fbx_scenes as fbx
 from tests.io.fbx_scenes import Layer, Mesh, Node, Scene, Take
+from tests.io.gltf_scenes import read_primitives, skinned
 from tests.io.recorded_files import DATA
 from tests.strategies import SEEDS, few_examples
 
@@ -22,7 +22,6 @@ FILES = [
     for path in sorted((DATA / "fbx").glob("*.fbx"))
     if path.stem.startswith(("quaternius", "Geno", "ufbx_blender_279_sausage"))
 ]
-WIDTHS = {"TEXCOORD_0": 2, "JOINTS_0": 4, "WEIGHTS_0": 4}
 PNG = b"\x89PNG\r\n\x1a\n picture"
 
 
@@ -30,35 +29,6 @@ PNG = b"\x89PNG\r\n\x1a\n picture"
 def _extension():
     reason = "mograft-fbx is not installed: pip install ./python-fbx"
     pytest.importorskip("mograft_fbx", reason=reason)
-
-
-def attributes(file):
-    """Return the attributes of all primitives, and the materials."""
-    items = file.container.items("meshes")
-    for primitive in (own for mesh in items for own in mesh["primitives"]):
-        found = {
-            name: read_accessor(file.container, index, "", WIDTHS.get(name, 3))
-            for name, index in primitive["attributes"].items()
-        }
-        found["indices"] = read_accessor(file.container, primitive["indices"], "", 1)[:, 0]
-        yield found, primitive.get("material")
-
-
-def skinned(file, motion, found):
-    """Return the world positions (n_frames, n, 3) of the vertices of a primitive."""
-    (skin,) = file.container.items("skins")
-    columns = read_accessor(file.container, skin["inverseBindMatrices"], "", 16)
-    inverse = columns.reshape(-1, 4, 4).transpose(0, 2, 1)
-    turned, places = restore(file.rest, motion)
-    worlds = np.zeros((*turned.shape[:2], 4, 4))
-    for axis in range(3):
-        worlds[..., :3, axis] = rotations.rotate(turned, np.eye(3)[axis])
-    worlds[..., :3, 3], worlds[..., 3, 3] = places, 1.0
-    rows = {node: row for row, node in enumerate(file.joints.tolist())}
-    matrices = worlds[:, [rows[node] for node in skin["joints"]]] @ inverse
-    points = np.c_[found["POSITION"], np.ones(len(found["POSITION"]))]
-    moved = np.einsum("fvkij,vj->fvki", matrices[:, found["JOINTS_0"]], points)
-    return np.einsum("vk,fvki->fvi", found["WEIGHTS_0"], moved)[..., :3]
 
 
 @st.composite
@@ -87,10 +57,8 @@ def figures(draw):
 @few_examples(40)
 @given(scene=figures())
 def test_character_of_fbx_moves_as_linear_blend_skinning(tmp_path_factory, scene):
-    path = tmp_path_factory.mktemp("fbx") / "scene.fbx"
-    path.write_bytes(fbx.to_binary(scene))
-    file = open_character(path)
-    clip = mg.read(path)[0]
+    file = open_scene(tmp_path_factory.mktemp("fbx"), scene)
+    clip = mg.read(file.container.path)[0]
     take, conversion = scene.takes[0], 0.025 * fbx.axis_conversion(scene)
     (mesh,) = scene.meshes
     weights = np.where(mesh.weights >= np.sort(mesh.weights, axis=0)[-4], mesh.weights, 0.0)
@@ -102,7 +70,7 @@ def test_character_of_fbx_moves_as_linear_blend_skinning(tmp_path_factory, scene
         worlds = fbx.world_matrices(scene, fbx.values_in_frame(scene, take, frame)) @ bound
         moved = np.einsum("kij,vj->kvi", worlds, points)[..., :3]
         expected.append(np.einsum("kv,kvi->vi", weights, moved) @ conversion.T)
-    ((found, _),) = attributes(file)
+    ((found, _),) = read_primitives(file)
     motion = clip_of(file)
     actual = skinned(file, motion, found)[:, found["indices"]]
     size = np.abs(expected).max()
@@ -134,16 +102,15 @@ def test_character_of_fbx_textures(tmp_path, place):
     (folder / "scene.fbm").mkdir(parents=True)
     name = "../skin.png" if place == "outside" else "C:\\art\\skin.png"
     content = PNG if place == "embedded" else b"text" if place == "no picture" else b""
-    (folder / "scene.fbx").write_bytes(fbx.to_binary(textured(name, content)))
     files = {"beside": "inside/skin.png", "fbm": "inside/scene.fbm/skin.png", "outside": "skin.png"}
     if place in files:
         (tmp_path / files[place]).write_bytes(PNG)
     if place in ("missing", "outside", "no picture"):
         with pytest.warns(UserWarning, match=r"left out textures.*skin\.png"):
-            file = open_character(folder / "scene.fbx")
+            file = open_scene(folder, textured(name, content))
         assert not file.container.items("images")
         return
-    file = open_character(folder / "scene.fbx")
+    file = open_scene(folder, textured(name, content))
     (image,) = file.container.document["images"]
     view = file.container.items("bufferViews")[image["bufferView"]]
     start = view["byteOffset"]
@@ -154,18 +121,24 @@ def test_character_of_fbx_textures(tmp_path, place):
     assert surface["baseColorFactor"] == [1, 1, 1, 1]
 
 
-def test_character_of_fbx_base_colour(tmp_path):
-    (tmp_path / "scene.fbx").write_bytes(fbx.to_binary(textured("", color=(0.25, 0.5, 0.75))))
-    file = open_character(tmp_path / "scene.fbx")
+def test_character_of_fbx_has_base_colour_and_metres(tmp_path):
+    """Also with a single bone."""
+    scene = textured("", color=(0.25, 0.5, 0.75))
+    moves = {(0, "T"): np.array([[0, 0, 0], [100.0, 0, 0]])}
+    file = open_scene(tmp_path, replace(scene, takes=(Take("move", 2, (Layer(moves),)),)))
     (material,) = file.container.document["materials"]
     color = material["pbrMetallicRoughness"]["baseColorFactor"]
     np.testing.assert_allclose(color, [0.25, 0.5, 0.75, 1.0], atol=1e-6)
+    places = clip_of(file).world_positions()[:, 0]
+    np.testing.assert_allclose(places, [[0, 0, 0], [1, 0, 0]], atol=1e-6)
+    assert open_scene(tmp_path, replace(scene, meshes=())) is None
 
 
-def test_character_of_fbx_without_meshes_is_none(tmp_path):
-    scene = textured("")
-    (tmp_path / "scene.fbx").write_bytes(fbx.to_binary(Scene(scene.nodes, scene.takes)))
-    assert open_character(tmp_path / "scene.fbx") is None
+def open_scene(folder, scene):
+    """Return the character of a scene."""
+    path = folder / "scene.fbx"
+    path.write_bytes(fbx.to_binary(scene))
+    return open_character(path)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
@@ -181,7 +154,7 @@ def test_export_of_recorded_fbx_keeps_takes_and_meshes(path, tmp_path):
         assert clip.n_frames == take.n_frames
     file = open_character(target)
     n_triangles = 0
-    for found, material in attributes(file):
+    for found, material in read_primitives(file):
         assert found["indices"].max() < len(found["POSITION"])
         n_triangles += len(found["indices"]) // 3
         np.testing.assert_allclose(np.linalg.norm(found["NORMAL"], axis=1), 1.0, atol=1e-4)
@@ -196,13 +169,3 @@ def test_export_of_recorded_fbx_has_no_faults_for_the_validator(path, tmp_path):
     validate = clients.gltf_validator()
     assert main(["export", str(path), "-o", str(tmp_path / "hero.glb")]) == 0
     assert [own for own in validate(tmp_path / "hero.glb") if own["severity"] < 2] == []
-
-
-def test_character_of_fbx_with_one_bone_is_in_metres(tmp_path):
-    scene = textured("")
-    moves = {(0, "T"): np.array([[0, 0, 0], [100.0, 0, 0]])}
-    take = Take("move", 2, (Layer(moves),))
-    path = tmp_path / "scene.fbx"
-    path.write_bytes(fbx.to_binary(Scene(scene.nodes, (take,), meshes=scene.meshes)))
-    places = clip_of(open_character(path)).world_positions()[:, 0]
-    np.testing.assert_allclose(places, [[0, 0, 0], [1, 0, 0]], atol=1e-6)

@@ -20,12 +20,13 @@ from mograft.errors import FormatError
 from mograft.io.export_figure import ExportTransform, bone_mesh
 from mograft.io.formats import read_clip
 from mograft.io.glb import write_glb
+from mograft.io.gltf.container import read_container
 from mograft.viewing import character as module
 from mograft.viewing.character import read_character
 from release import three
 from tests import strategies
 from tests.browser import open_page, wait_until
-from tests.io.gltf_scenes import Glb, pack_glb
+from tests.io.gltf_scenes import pack_glb
 from tests.viewing.page_content import page_data, shown
 
 KNIGHT = Path(__file__).parents[3] / "shared" / "data" / "glb" / "kaykit_Knight.glb"
@@ -35,10 +36,10 @@ TYPES = {"f4": "<f4", "u2": "<u2", "u4": "<u4"}
 def as_character(motion, path):
     """Write a motion with the bones of mograft under another name, as the mesh of a character."""
     write_glb(motion, path)
-    glb = Glb(path)
-    glb.document["meshes"][0]["name"] = "body"
-    path.write_bytes(pack_glb(glb.document, glb.binary))
-    return glb.document, glb.binary
+    file = read_container(path)
+    file.document["meshes"][0]["name"] = "body"
+    path.write_bytes(pack_glb(file.document, bytes(file.binary)))
+    return file.document, bytes(file.binary)
 
 
 def arrays_of(found, part):
