@@ -27,9 +27,10 @@ from release import three
 from tests import strategies
 from tests.browser import open_page, wait_until
 from tests.io.gltf_scenes import pack_glb
+from tests.io.recorded_files import DATA, require
 from tests.viewing.page_content import page_data, shown
 
-KNIGHT = Path(__file__).parents[3] / "shared" / "data" / "glb" / "kaykit_Knight.glb"
+KNIGHT = DATA / "glb" / "kaykit_Knight.glb"
 TYPES = {"f4": "<f4", "u2": "<u2", "u4": "<u4"}
 
 
@@ -180,14 +181,17 @@ def loader(tmp_path_factory):
     return path
 
 
+def graft_knight(folder, *options):
+    """Write grafts into a copy of the Knight; return the file."""
+    target = folder / "long.glb"
+    assert main(["graft", str(require(KNIGHT)), "-o", str(target), *options]) == 0
+    return target
+
+
 @pytest.mark.browser
-def test_viewer_mesh_moves_as_by_the_loader_of_three(browser, loader, tmp_path, capsys):
+def test_viewer_mesh_moves_as_by_the_loader_of_three(browser, loader, tmp_path):
     """The matrices of all joints that move vertices, at 20 times, to 1e-5."""
-    if not KNIGHT.exists():
-        pytest.skip("no file kaykit_Knight.glb beside the repository")
-    target = tmp_path / "long.glb"
-    assert main(["graft", str(KNIGHT), "-o", str(target), "-n", "2", "--report"]) == 0
-    capsys.readouterr()
+    target = graft_knight(tmp_path, "-n", "2", "--report")
     with open_page(browser, target.with_suffix(".html")) as page:
         data = page_data(mg.Page("", target.with_suffix(".html").read_text(encoding="utf-8")))
         index = len(data["clips"]) - 1
@@ -234,14 +238,10 @@ MAX_SHARE = 0.001
 
 
 @pytest.mark.browser
-def test_viewer_mesh_looks_as_by_the_loader_of_three(browser, loader, tmp_path, capsys, request):
+def test_viewer_mesh_looks_as_by_the_loader_of_three(browser, loader, tmp_path, request):
     """The pictures of a graft of the Knight; at 20 times in a thorough run."""
-    if not KNIGHT.exists():
-        pytest.skip("no file kaykit_Knight.glb beside the repository")
     n_times = 20 if request.config.getoption("--thorough") else 5
-    target = tmp_path / "long.glb"
-    assert main(["graft", str(KNIGHT), "-o", str(target)]) == 0
-    capsys.readouterr()
+    target = graft_knight(tmp_path)
     motion = mg.read(target)[-1]
     path = mg.view(motion, show=False).save(tmp_path / "page.html")
     theirs = browser.new_page(viewport={"width": 640, "height": 480})
