@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mograft as mg
-from mograft import Library, graft, graft_many, read_bvh, write_bvh
+from mograft import Library, graft, graft_many, write_bvh
 from mograft.body.mass import center_of_mass, mass_model
 from mograft.cli import main
 from mograft.constraints import OnlyFrom
@@ -134,16 +134,13 @@ def test_graft_and_demo_commands_write_reports(tmp_path, capsys, monkeypatch):
     options = [str(tmp_path / "a b.bvh"), "-o", str(out), "-n", "2", "--report"]
     assert main(["graft", *options]) == 0
     assert capsys.readouterr().out.split("\n")[2] == str(out / "index.html")
-    text = (out / "index.html").read_text(encoding="utf-8")
-    links = re.findall(r'<a href="(.*?)">', text)
+    links = re.findall(r'<a href="(.*?)">', (out / "index.html").read_text(encoding="utf-8"))
     assert links == ["./a%20b_graft0.bvh", "./a%20b_graft1.bvh"]
-    single = tmp_path / "new.bvh"
-    arguments = ["graft", options[0], "-o", str(single), "--report", "--json"]
+    arguments = ["graft", options[0], "-o", str(tmp_path / "new.bvh"), "--report", "--json"]
     assert main(arguments) == 0
     assert f'"report": "{tmp_path / "new.html"}"' in capsys.readouterr().out
-    read_bvh(single)
-    single.unlink()
-    (tmp_path / "new.json").unlink()
+    for name in ("new.bvh", "new.json"):
+        (tmp_path / name).unlink()
     assert main(arguments) == 1
     assert "new.html exists; use --force to overwrite" in capsys.readouterr().err
     assert not opened_pages

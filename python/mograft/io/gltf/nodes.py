@@ -28,13 +28,9 @@ class Transforms:
     scales: FloatArray  # shape (n_frames, n_nodes, 3)
 
     def of(self, nodes: IntArray, n_frames: int) -> "Transforms":
-        """Return copies of the transforms of some nodes, in `n_frames` frames.
-
-        One pose is repeated; `n_frames` must otherwise be the number of frames.
-        """
+        """Return one pose of some nodes, repeated in `n_frames` frames."""
         arrays = (self.translations, self.rotations, self.scales)
-        count = n_frames // len(self.scales)
-        return Transforms(*(np.repeat(array[:, nodes], count, axis=0) for array in arrays))
+        return Transforms(*(np.repeat(array[:, nodes], n_frames, axis=0) for array in arrays))
 
 
 @dataclass(frozen=True, eq=False)
