@@ -67,23 +67,11 @@ def test_view_positions_equal_those_of_the_motion(motion, size):
 
 
 @pytest.mark.parametrize(
-    ("turn", "up"),
-    [
-        ([0, 0, 0], 1),
-        ([np.pi / 2, 0, 0], 2),
-        ([0, 0, -np.pi / 2], 0),
-        ([0, 0, np.pi / 2], 0),
-        ([np.pi, 0, 0], 1),
-        ([-np.pi / 2, 0, 0], 2),
-    ],
+    "right_angles", [(0, 0, 0), (1, 0, 0), (0, 0, -1), (0, 0, 1), (2, 0, 0), (-1, 0, 0)]
 )
-def test_view_any_up_axis_gives_upright_unmirrored_figure(motion, turn, up):
+def test_view_any_up_axis_gives_upright_unmirrored_figure(motion, right_angles):
     short = motion[:40]
-    whole = rotations.exp(np.array(turn, float))
-    turned = strategies.turn_motion(short, whole)
-    world = turned.world_positions()
-    feet_to_head = world[:, motion.skeleton.index("Head")] - world[:, 3]
-    assert int(np.abs(feet_to_head.mean(axis=0)).argmax()) == up
+    turned = strategies.turn_motion(short, rotations.exp(0.5 * np.pi * np.array(right_angles)))
     got, plain = (clip_positions(shown(m)["clips"][0]) for m in (turned, short))
     # Heights agree, and seen from above it is the same figure, in another direction.
     np.testing.assert_allclose(got[..., 1], plain[..., 1], atol=0.1)
