@@ -103,7 +103,15 @@ def read_gltf_file(path: Path, content: bytes | None = None) -> GltfFile:
         limits.check_hierarchy(rest.names, rest.parents.tolist())
     moved, names = set(nodes.tolist()), animation_names(container.items("animations"))
     clips = [index for index, own in enumerate(animated) if own & moved]
-    notes = [*left_out, *_find_notes(container, tree, moved, changed, clips)]
+    others = [name or f"animation {i}" for i, name in enumerate(names) if i not in clips]
+    fixed = sorted(set().union(*animated) - moved)
+    listed = {
+        "nodes that are not joints": [n for i, n in enumerate(tree.names) if i not in moved],
+        "animations that move no joint": others,
+        "animated nodes that are not joints": [tree.names[node] for node in fixed],
+    }
+    notes = [*left_out, *(f"{text}: {join_names(own)}" for text, own in listed.items() if own)]
+    notes += _property_notes({path for index in clips for _, path in changed[index]})
     return GltfFile(
         container=container,
         tree=tree,
@@ -148,27 +156,9 @@ def _find_joints(
     return joints, [f"left out the figures below the nodes {join_names(others)}"] if others else []
 
 
-def _find_notes(
-    container: Container,
-    tree: NodeTree,
-    moved: set[int],
-    changed: list[set[tuple[int | None, str]]],
-    clips: list[int],
-) -> list[str]:
-    """Return notes on content that the motions do not contain."""
-    names = [
-        name or f"animation {i}"
-        for i, name in enumerate(animation_names(container.items("animations")))
-    ]
-    properties = set().union(*changed)
-    animated = {node for node, path in properties if node is not None and path in PATH_WIDTHS}
-    listed = {
-        "nodes that are not joints": [n for i, n in enumerate(tree.names) if i not in moved],
-        "animations that move no joint": [n for i, n in enumerate(names) if i not in clips],
-        "animated nodes that are not joints": [tree.names[i] for i in sorted(animated - moved)],
-    }
-    notes = [f"{text}: {join_names(names)}" for text, names in listed.items() if names]
-    paths = {path for index in clips for _, path in changed[index]}
+def _property_notes(paths: set[str]) -> list[str]:
+    """Return notes on animated properties that the motions do not contain as such."""
+    notes = []
     if unread := sorted(paths - PATH_WIDTHS.keys()):
         notes.append(f"animated properties that are not read: {', '.join(unread)}")
     if "scale" in paths:
