@@ -98,6 +98,5 @@ def test_threshold_equals_deviation_from_mean_point():
     assert clustering.threshold(points, "literal", scale=0.5) == pytest.approx(
         0.5 * np.sqrt(distances.mean())
     )
-    assert clustering.threshold(points, 2.5, scale=3.0) == 2.5
-    with pytest.raises(ValueError, match="`kind` must be 'rms', 'literal' or a number, got 'std'"):
+    with pytest.raises(ValueError, match="`kind` must be 'rms' or 'literal', got 'std'"):
         clustering.threshold(points, "std")

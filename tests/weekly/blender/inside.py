@@ -152,11 +152,11 @@ def evaluated_positions(owner, action, frames):
     return np.array(found), [own.name for own in owner.pose.bones]
 
 
-def compare(owner, base, action):
-    """Return the largest distance between an action in Blender and its graft, in heights.
+def compare(owner, base, action, limit=MAX_ERROR):
+    """Compare an action in Blender with its graft; return the distance, equal curves and exchanges.
 
-    The graft is made again by mograft from the actions as they are read here; and bones that were
-    not exchanged must have the curves of the base.
+    The graft is made again by mograft from the actions as they are read here. The distance, in
+    heights, must be below `limit`, and bones that were not exchanged have the curves of the base.
     """
     sources, grafting = package().sources, package().grafting
     setup = sources.Setup.from_action(action)
@@ -170,13 +170,10 @@ def compare(owner, base, action):
     found, names = evaluated_positions(owner, action, frames.tolist())
     expected = motion.world_positions()[frames - first]
     height = float(np.ptp(expected[0], axis=0).max())
-    index = [motion.skeleton.names.index(own) for own in names if own in motion.skeleton.names]
     columns = [i for i, own in enumerate(names) if own in motion.skeleton.names]
-    distance = np.abs(found[:, columns] - expected[:, index]).max(axis=2)
-    error = float(distance.max()) / height
-    if error > MAX_ERROR:
-        worst = np.argsort(-distance.max(axis=0))[:8]
-        print([(names[columns[i]], distance[:, i].max() / height) for i in worst], file=sys.stderr)
+    index = [motion.skeleton.names.index(names[i]) for i in columns]
+    error = float(np.abs(found[:, columns] - expected[:, index]).max()) / height
+    assert error < limit, f"{error} heights"
     old, new = curves_of(base, owner), curves_of(action, owner)
     base_joints = result.graft.library.joints(result.graft.library.groups.base)
     kept = {motion.skeleton.names[own] for own in base_joints}
@@ -212,7 +209,6 @@ def generate_and_compare(owner, base=None):
     assert hash_all(owner) == before, "the sources differ"
     assert all(own.use_fake_user for own in made)
     errors, n_equal, n_exchanged = zip(*(compare(owner, base, own) for own in made), strict=True)
-    assert max(errors) < MAX_ERROR, f"{max(errors)} heights"
     assert sum(n_exchanged) > 0, "nothing was exchanged"
     assert made[0].pose_markers
     return f"{sum(n_exchanged)} parts, error {max(errors):.1e}, {n_equal[0]} curves equal"
@@ -489,7 +485,6 @@ def other_armatures():
         bpy.ops.mograft.generate(count=1, seed=2)
         graft = grafts()[-1]
         error, *_ = compare(owner, base, graft)
-        assert error < MAX_ERROR, error
         clips = {own.clip for own in graft.mograft.ranges}
         assert is_used or twin.animation_data.action.name in clips, clips
     return f"by name and by anatomy ({len(clips)} donors), error {error:.1e}"
@@ -514,7 +509,6 @@ def asset_library():
     assert "stored" not in bpy.data.actions
     assert "pack/stored" in {own.clip for own in graft.mograft.ranges}
     error, *_ = compare(owner, base, graft)
-    assert error < MAX_ERROR
     return f"error {error:.1e}, nothing stays linked"
 
 
@@ -678,8 +672,7 @@ def visual_inverse_kinematics():
     pose = [np.array(own.matrix_basis) for own in owner.pose.bones]
     graft = make_graft()
     assert scene.frame_current == frame
-    error, *_ = compare(owner, base, graft)
-    assert error < 2 * MAX_ERROR, error
+    error, *_ = compare(owner, base, graft, 2 * MAX_ERROR)
     assert own.influence == 0.0
     show(owner, base)
     assert own.influence == 0.5
@@ -721,8 +714,8 @@ def visual_rigify():
     owner.mograft.variety = "MAXIMUM"
     before = hash_all(owner)
     places, names = evaluated_positions(owner, base, [50, 100])
-    error, _, exchanged = compare(owner, base, make_graft(seed=1))
-    assert error < 0.02, error  # the arms of the rig stretch
+    graft = make_graft(seed=1)
+    error, _, exchanged = compare(owner, base, graft, 0.02)  # the arms of the rig stretch
     assert exchanged
     show(owner, base)
     assert hash_all(owner) == before

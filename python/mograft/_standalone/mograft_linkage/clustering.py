@@ -208,19 +208,18 @@ def linkage_condensed(
     return kernels.linkage_condensed(condensed, *limits, progress)
 
 
-def threshold(points: npt.ArrayLike, kind: str | float = "rms", scale: float = 1.0) -> float:
+def threshold(points: npt.ArrayLike, kind: str = "rms", scale: float = 1.0) -> float:
     """Return a diameter for `cut` from the distances between the points and their mean.
 
     Parameters
     ----------
     points : array_like, shape (n, n_axes)
         The points, at least one.
-    kind : {"rms", "literal"} or float
+    kind : {"rms", "literal"}
         "rms" is the square root of the mean of d squared, where d is the distance of a point
-        from the mean of all points. "literal" is the square root of the mean of d. A number is
-        returned unchanged.
+        from the mean of all points. "literal" is the square root of the mean of d.
     scale : float
-        Factor for "rms" and "literal".
+        Factor on the result.
 
     Returns
     -------
@@ -230,10 +229,10 @@ def threshold(points: npt.ArrayLike, kind: str | float = "rms", scale: float = 1
     Raises
     ------
     TypeError
-        If the points are not real numbers, or `kind` or `scale` is not a number.
+        If the points are not real numbers, or `scale` is not a number.
     ValueError
-        If there is no point or a coordinate is not finite, `kind` is another string, or a number
-        is negative or not finite.
+        If there is no point or a coordinate is not finite, `kind` is another, or `scale` is
+        negative or not finite.
 
     Notes
     -----
@@ -247,11 +246,8 @@ def threshold(points: npt.ArrayLike, kind: str | float = "rms", scale: float = 1
     5.0
     """
     _checks.check_amount("scale", scale)
-    if not isinstance(kind, str):
-        _checks.check_amount("kind", kind)
-        return float(kind)
     if kind not in ("rms", "literal"):
-        raise ValueError(f"`kind` must be 'rms', 'literal' or a number, got {kind!r}")
+        raise ValueError(f"`kind` must be 'rms' or 'literal', got {kind!r}")
     cloud = _checks.as_points(points, 1).astype(np.float64, copy=False)
     if not np.isfinite(cloud).all():
         _checks.raise_not_finite(cloud)
