@@ -163,30 +163,17 @@ def human():
         " | Chest {LeftCollar > LeftShoulder > LeftElbow > LeftWrist"
         " | RightCollar > RightShoulder > RightElbow > RightWrist | Neck > Head}}"
     )
-    limb_offsets = {
-        "Hip": (9, 0, 0),
-        "Knee": (0, -41, 0),
-        "Ankle": (0, -40, -2),
-        "Collar": (3, 20, 1),
-        "Shoulder": (14, 0, 0),
-        "Elbow": (28, 0, 0),
-        "Wrist": (25, 0, 0),
-    }
-    trunk_offsets = {"Hips": (0, 0, 0), "Chest": (0, 22, 0), "Neck": (0, 24, 0), "Head": (0, 9, 2)}
-    offsets = []
-    for name in skeleton.names:
-        side = -1 if name.startswith("Right") else 1
-        x, y, z = trunk_offsets.get(name) or limb_offsets[re.sub("Left|Right", "", name)]
-        offsets.append((side * x, y, z))
-    site_offsets = {
-        "Head": (0, 18, 0),
-        "LeftWrist": (17, 0, 0),
-        "RightWrist": (-17, 0, 0),
-        "LeftAnkle": (0, -6, 15),
-        "RightAnkle": (0, -6, 15),
-    }
-    sites = tuple(EndSite(skeleton.index(name), offset) for name, offset in site_offsets.items())
-    return Skeleton(skeleton.names, skeleton.parents, offsets, end_sites=sites)
+    trunk = {"Hips": (0, 0, 0), "Chest": (0, 22, 0), "Neck": (0, 24, 0), "Head": (0, 9, 2)}
+    legs = {"Hip": (9, 0, 0), "Knee": (0, -41, 0), "Ankle": (0, -40, -2)}
+    arms = {"Collar": (3, 20, 1), "Shoulder": (14, 0, 0), "Elbow": (28, 0, 0), "Wrist": (25, 0, 0)}
+    ends = {"Head": (0, 18, 0), "Wrist": (17, 0, 0), "Ankle": (0, -6, 15)}
+    offsets, sites = [], []
+    for joint, name in enumerate(skeleton.names):
+        side, short = (-1 if "Right" in name else 1, 1, 1), re.sub("Left|Right", "", name)
+        offsets.append(np.multiply(side, {**trunk, **legs, **arms}[short]))
+        if short in ends:
+            sites.append(EndSite(joint, np.multiply(side, ends[short])))
+    return Skeleton(skeleton.names, skeleton.parents, offsets, end_sites=tuple(sites))
 
 
 def read_hierarchy(path):
