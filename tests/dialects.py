@@ -1,6 +1,7 @@
 """Hypothesis strategies for motions and for dialects of BVH text."""
 
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 
 import numpy as np
 from hypothesis import strategies as st
@@ -87,71 +88,54 @@ def clips(draw, max_frames=4):
     return Clip(skeleton, frame_time, draw(npst.arrays(np.float64, shape, elements=coordinates())))
 
 
-@dataclass(frozen=True)
-class Dialect:
-    """A way to write BVH. The default is the standard one; others are repairs or layouts."""
+LAYOUTS = {
+    "blank": [" ", "   ", "\t", " \t "],
+    "indent": ["\t", "", "  "],
+    "trailing": ["", " ", "\t "],
+    "blank_lines": [False, True],
+    "final_newline": [True, False],
+    "number": ["repr", "plus", "digits", "exponent"],
+}
+"""White space and numbers of the same content; the first of each is the standard one."""
 
-    line_ends: tuple[str, ...] = ("\n",)
-    blank: str = " "
-    indent: str = "\t"
-    trailing: str = ""
-    blank_lines: bool = False
-    final_newline: bool = True
-    case: str = "as is"
-    channel_case: str = "as is"
-    brace: str = "\n"
-    site: str = "End Site"
-    comment: str = ""
-    frames: str = "Frames: "
-    frame_time: str = "Frame Time: "
-    count: str = "{}"
-    channels_first: bool = False
-    number: str = "repr"
-    rows: str = "a line each"
-    encoding: str = "utf-8"
-    padding: str = ""
-    declared: int = 0
+REPAIRS = {
+    "case": ["as is", "lower", "upper", "title"],
+    "channel_case": ["as is", "lower", "upper", "title"],
+    "brace": ["\n", " ", ""],
+    "site": ["End Site", "End site", "end  SITE"],
+    "comment": ["", "# exported", "// by hand"],
+    "frames": ["Frames: ", "Frames:", "frames : ", "FRAMES\t:", "Frames "],
+    "frame_time": ["Frame Time: ", "FrameTime:", "frame time :", "Frames Time: ", "FRAME  TIME: "],
+    "count": ["{}", "{}.0", "{}.", "+{}"],
+    "channels_first": [False, True],
+    "rows": ["a line each", "wrapped", "a value each", "joined", "one line"],
+    "encoding": ["utf-8", "utf-8-sig", "utf-16"],
+    "padding": ["", "\0\0", "\x1a"],
+    "declared": [0, -1, 7],
+}
+"""Deviations that the reader tolerates; the first of each is the standard."""
+
+
+class Dialect(SimpleNamespace):
+    """A way to write BVH, by default the standard one."""
+
+    def __init__(self, line_ends=("\n",), **choices):
+        standard = {name: values[0] for name, values in (LAYOUTS | REPAIRS).items()}
+        super().__init__(line_ends=line_ends, **standard | choices)
 
 
 def layouts(**fields):
     """Dialects that differ from the standard one in white space, number format and `fields`."""
     ends = st.lists(st.sampled_from(["\n", "\r\n", "\r"]), min_size=1, max_size=3)
-    return st.builds(
-        Dialect,
-        line_ends=ends.map(tuple),
-        blank=st.sampled_from([" ", "   ", "\t", " \t "]),
-        indent=st.sampled_from(["", "\t", "  "]),
-        trailing=st.sampled_from(["", " ", "\t "]),
-        blank_lines=st.booleans(),
-        final_newline=st.booleans(),
-        number=st.sampled_from(["repr", "plus", "digits", "exponent"]),
-        **fields,
-    )
+    choices = {name: st.sampled_from(values) for name, values in LAYOUTS.items()}
+    return st.builds(Dialect, line_ends=ends.map(tuple), **choices, **fields)
 
 
 def dialects():
-    """All dialects that the reader tolerates."""
-    cases = st.sampled_from(["as is", "lower", "upper", "title"])
-    labels = ["Frames: ", "Frames:", "frames : ", "FRAMES\t:", "Frames "]
-    time_labels = ["Frame Time: ", "FrameTime:", "frame time :", "Frames Time: ", "FRAME  TIME: "]
-    rows = ["a line each", "wrapped", "a value each", "joined", "one line"]
-    others = {
-        "brace": [" ", ""],
-        "site": ["End site", "end  SITE"],
-        "comment": ["# exported", "// by hand"],
-        "frames": labels,
-        "frame_time": time_labels,
-        "count": ["{}.0", "{}.", "+{}"],
-        "rows": rows,
-        "encoding": ["utf-8-sig", "utf-16"],
-        "padding": ["\0\0", "\x1a"],
-        "declared": [-1, 7],
-    }
-    fields = {
-        name: st.just(getattr(Dialect(), name)) | st.sampled_from(values)
-        for name, values in others.items()
-    }
-    return layouts(case=cases, channel_case=cases, channels_first=st.booleans(), **fields)
+    """All dialects that the reader tolerates; half of the choices are the standard ones."""
+    return layouts(
+        **{own: st.just(values[0]) | st.sampled_from(values) for own, values in REPAIRS.items()}
+    )
 
 
 CASES = {"as is": str, "lower": str.lower, "upper": str.upper, "title": str.title}
