@@ -129,10 +129,3 @@ def test_exclusive_lock_held_by_other_process_raises_until_it_ends(tmp_path):
     with exclusive_lock(path):
         pass
     assert path.read_bytes() == b""
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has other locks")
-def test_exclusive_lock_without_platform_support_raises_os_error(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "fcntl", None)
-    with pytest.raises(OSError, match="no file locks"), exclusive_lock(tmp_path / ".lock"):
-        pass

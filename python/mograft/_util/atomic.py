@@ -156,7 +156,7 @@ def exclusive_lock(path: Path) -> Iterator[None]:
 
     The file is created if it does not exist, stays empty and is not removed. The operating system
     releases the lock when the process ends, for whatever reason. The lock excludes other processes
-    and other calls in this process. Raises OSError if the platform or the file system has no locks.
+    and other calls in this process. Raises OSError if the file system has no locks.
     The lock is ``flock`` on POSIX, and `msvcrt.locking` of the first byte on Windows.
     """
     with path.open("ab") as stream:
@@ -175,10 +175,7 @@ if sys.platform == "win32":
             raise BlockingIOError(errno.EAGAIN, "is locked", str(path)) from error
 
 else:
+    import fcntl
 
-    def _acquire(stream: IO[bytes], path: Path) -> None:
-        try:
-            import fcntl
-        except ModuleNotFoundError as error:
-            raise OSError(errno.ENOLCK, "this platform has no file locks", str(path)) from error
+    def _acquire(stream: IO[bytes], _: Path) -> None:
         fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
