@@ -41,6 +41,13 @@ def grafts(dances):
     return [list(grafts_by(RandomLength(), dances, name, 3, seed=1)) for name in names]
 
 
+@pytest.fixture(scope="module")
+def windows(grafts):
+    """Return the windows at the seams of all grafts."""
+    flat = [graft for several in grafts for graft in several]
+    return GraftWindows.of(flat, "seams", 10_000, np.random.default_rng(0))
+
+
 def change(grafts, function):
     return [[function(graft) for graft in several] for several in grafts]
 
@@ -74,7 +81,7 @@ def test_detectability_jitter_at_seams_is_detected_there_only(grafts, captured_c
     assert jittered.donor_windows == captured_copies.donor_windows
 
 
-def test_tested_windows_share_no_block_with_trained_ones(grafts, monkeypatch):
+def test_tested_windows_share_no_block_with_trained_ones(windows, monkeypatch):
     seen = []
     original = train_and_score
 
@@ -83,8 +90,6 @@ def test_tested_windows_share_no_block_with_trained_ones(grafts, monkeypatch):
         return original(learned, labels, tested)
 
     monkeypatch.setattr(sys.modules[detectability.__module__], "train_and_score", record)
-    flat = [graft for several in grafts for graft in several]
-    windows = GraftWindows.of(flat, "seams", 10_000, np.random.default_rng(0))
     pairs = windows.pairs()
     # The frame and the origin of every window, instead of its features.
     rows = np.arange(len(windows), dtype=float)[:, None]
@@ -101,7 +106,7 @@ def test_tested_windows_share_no_block_with_trained_ones(grafts, monkeypatch):
         if mark < 0:
             return {int(pairs.block[int(-1 - mark)])}
         number, center = (int(own[int(mark)]) for own in (windows.graft, windows.center))
-        clip = flat[number].library.names.index(flat[number].base.name)
+        clip = windows.library.names.index(windows.grafts[number].base.name)
         frames = [np.array([windows.frames.offsets[clip] + center])]
         frames += [own.frames[center - 8 : center + 9] for own in windows.origins[number]]
         return set(windows.frames.block[np.concatenate(frames)].tolist())
@@ -114,9 +119,7 @@ def test_tested_windows_share_no_block_with_trained_ones(grafts, monkeypatch):
         assert trained.isdisjoint(used)
 
 
-def test_tested_windows_have_weight_of_captured_window_at_same_frame(grafts):
-    flat = [graft for several in grafts for graft in several]
-    windows = GraftWindows.of(flat, "seams", 10_000, np.random.default_rng(0))
+def test_tested_windows_have_weight_of_captured_window_at_same_frame(windows):
     pairs = windows.pairs()
     # Without the blocks of donors, more windows at one frame are tested together.
     pairs = replace(pairs, blocks_used=tuple(pairs.block[pairs.row][:, None]))
@@ -129,9 +132,8 @@ def test_tested_windows_have_weight_of_captured_window_at_same_frame(grafts):
     assert found.is_new.tolist() == [1.0] * n + [0.0] * (len(found.weight) - n)
 
 
-def test_other_moments_pairs_disjoint_windows_of_one_block(grafts):
-    flat = [graft for several in grafts for graft in several]
-    pairs = GraftWindows.of(flat, "seams", 10_000, np.random.default_rng(0)).pairs()
+def test_other_moments_pairs_disjoint_windows_of_one_block(windows):
+    pairs = windows.pairs()
     indices = np.arange(len(pairs.base), dtype=float)[:, None]
     marked = replace(pairs, base=replace(pairs.base, blocks=(indices,) * 3))
     null = pair_other_moments(marked, np.random.default_rng(1))

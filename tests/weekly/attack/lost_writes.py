@@ -1,20 +1,22 @@
 """The files that a power failure may leave: writes and names that were not synced can be lost."""
 
 import shutil
-from dataclasses import dataclass, field
 from pathlib import Path
 
 
-@dataclass(eq=False)
 class _File:
-    content: bytes | None = None  # None: that of the file on disk
-    is_synced: bool = False
+    """A file with its content; None is that of the file on disk."""
+
+    def __init__(self, content=None, *, is_synced=False):
+        self.content, self.is_synced = content, is_synced
 
 
-@dataclass(eq=False)
-class _Folder:
-    entries: dict[str, "_File | _Folder"] = field(default_factory=dict)
-    synced: dict[str, "_File | _Folder"] = field(default_factory=dict)
+class _Folder(dict):
+    """The entries of a folder by name, and those of its last sync."""
+
+    def __init__(self, entries=()):
+        super().__init__(entries)
+        self.synced = dict(self)
 
 
 class Disk:
@@ -32,17 +34,13 @@ class Disk:
     def _scan(self, path):
         if path.is_file():
             return _File(path.read_bytes(), is_synced=True)
-        entries = {entry.name: self._scan(entry) for entry in path.iterdir()}
-        return _Folder(entries, dict(entries))
+        return _Folder({entry.name: self._scan(entry) for entry in path.iterdir()})
 
     def _find(self, path):
         found = self._tree
         for name in Path(path).relative_to(self._root).parts:
-            found = found.entries[name]
+            found = found[name]
         return found
-
-    def _siblings(self, path):
-        return self._find(Path(path).parent).entries
 
     def replay(self, log):
         """Apply the lines of a log of the preloaded library, and read the files that it changed.
@@ -52,7 +50,7 @@ class Disk:
         for call, _, path, source in log:
             match call:
                 case "sync" if isinstance(node := self._find(path), _Folder):
-                    node.synced = dict(node.entries)
+                    node.synced = dict(node)
                 case "sync":
                     node.is_synced = True
                 case "write":
@@ -60,13 +58,13 @@ class Disk:
                     node.content, node.is_synced = None, False
                 case "create" | "mkdir":
                     node = _File() if call == "create" else _Folder()
-                    self._siblings(path)[Path(path).name] = node
+                    self._find(Path(path).parent)[Path(path).name] = node
                 case "unlink":
-                    del self._siblings(path)[Path(path).name]
+                    del self._find(Path(path).parent)[Path(path).name]
                 case "link" | "rename":
-                    self._siblings(path)[Path(path).name] = self._find(source)
+                    self._find(Path(path).parent)[Path(path).name] = self._find(source)
                     if call == "rename":
-                        del self._siblings(source)[Path(source).name]
+                        del self._find(Path(source).parent)[Path(source).name]
         self._read(self._tree, self._root)
 
     def write_lost(self, rng, keep_names, keep_data):
@@ -81,7 +79,7 @@ class Disk:
 
     def _read(self, node, path):
         if isinstance(node, _Folder):
-            for name, entry in node.entries.items():
+            for name, entry in node.items():
                 self._read(entry, path / name)
         elif node.content is None:
             node.content = path.read_bytes()
@@ -89,7 +87,7 @@ class Disk:
     def _write(self, node, path, rng, keep_names, keep_data):
         if isinstance(node, _Folder):
             path.mkdir()
-            entries = node.entries if rng.random() < keep_names else node.synced
+            entries = node if rng.random() < keep_names else node.synced
             for name, entry in entries.items():
                 self._write(entry, path / name, rng, keep_names, keep_data)
             return
