@@ -1,4 +1,4 @@
-"""Latency of `mograft stream`: the time of replies over sockets, and of calls in the process.
+"""Latency of `mograft stream`: the time of replies over a socket, and of calls in the process.
 
 The last line has the intervals between the packets of `mograft play`, and how late each is.
 
@@ -62,8 +62,8 @@ def time_pushes(push, base):
 
 def time_socket(address, base, horizon):
     """Return the results of `time_pushes` for a client of a server, in float32."""
-    host, colon, port = address.rpartition(":")
-    with StreamClient((host, int(port)) if colon else address) as client:
+    host, _, port = address.rpartition(":")
+    with StreamClient((host, int(port))) as client:
         client.request({"type": "hello", "protocol": "mograft.stream/1", "horizon": horizon})
 
         def push(rotations, positions):
@@ -121,7 +121,6 @@ def print_jitter(motion):
 
 def report(options):
     n_dances, n_frames = (1, 240) if options.tiny else (13, None)
-    # The path of a socket has at most about 100 bytes.
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         path = "dances.mograft"
         mg.Library.build([dance(seed=s).motion[:n_frames] for s in range(n_dances)]).save(path)
@@ -130,12 +129,11 @@ def report(options):
         print(
             f"{'ms: median, 99 %, maximum':28} {'without piece':23}   {'with piece':23}   s behind"
         )
-        with serve(path, "--port", "0") as tcp, serve(path, "--socket", "s") as unix:
+        with serve(path, "--port", "0") as address:
             for horizon in HORIZONS:
                 for name, times in (
                     ("calls", time_calls(library, base, horizon)),
-                    ("TCP", time_socket(tcp, base, horizon)),
-                    ("Unix socket", time_socket(unix, base, horizon)),
+                    ("TCP", time_socket(address, base, horizon)),
                 ):
                     print_row(f"{name}, horizon {horizon}", *times, library.rate)
         print_jitter(base[: 60 if options.tiny else 900])

@@ -22,16 +22,11 @@ class StreamError(Exception):
 
 
 class StreamClient:
-    """A connection to a server; `address` is a pair of host and port, or the path of a socket."""
+    """A connection to a server; `address` is a pair of host and port."""
 
     def __init__(self, address, timeout=60.0):
-        if isinstance(address, tuple):
-            self.socket = socket.create_connection(address, timeout)
-            self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        else:
-            self.socket = socket.socket(socket.AF_UNIX)
-            self.socket.settimeout(timeout)
-            self.socket.connect(str(address))
+        self.socket = socket.create_connection(address, timeout)
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def __enter__(self):
         return self

@@ -193,6 +193,12 @@ MISTAKES = [
     ("graft -o x", USAGE, "expected LIB or FILE"),
     ("candidates a.bvh --segment 1 --frame 2", USAGE, "--frame is required, got both"),
     ("augment a.bvh -o x -n 2 --part test", USAGE, "--part requires --split"),
+    ("stream a.bvh", USAGE, "one of --port and --vmc-in is required, got none"),
+    ("stream a.bvh --vmc-in x", USAGE, "--vmc-in: must be PORT or HOST:PORT"),
+    ("stream a.bvh --vmc-in 39600", USAGE, "--vmc-in requires --vmc"),
+    ("stream a.bvh --port 0 --vmc 127.0.0.1", USAGE, "--vmc requires --vmc-in: "),
+    ("play a.bvh", USAGE, "required: --vmc"),
+    ("play a.bvh --vmc 127.0.0.1:0", USAGE, "--vmc: must be HOST or HOST:PORT"),
     ("plot pca a.bvh -o x.png --frames 1-5", USAGE, "--frames requires strip, timeline, energy"),
     ("plot strip a.bvh -o x.png --group lower", USAGE, "--group requires pca, dendrogram"),
     ("graft a.bvh -o x --scenario graph --length 1", USAGE, "--length: must be at least 2 frames"),
@@ -203,6 +209,11 @@ MISTAKES = [
     ("graft --from n.json -o x --ban 3 --swap upper", USAGE, "--swap cannot be combined with"),
     ("graft --from n.json -o x --take :3=b:0-9", USAGE, "expected SEGMENT=CLIP:FIRST-LAST"),
     ("graft --from n.json -o x", RUNTIME, "n.json: No such file or directory"),
+    ("graft --project p.json -o x", RUNTIME, "p.json: No such file or directory"),
+    ("graft --project text -o x", INVALID, "text: expected JSON"),
+    ("graft --project text -o x.bvh", USAGE, "-o must be a folder"),
+    ("graft --project text -o x --seed 3", USAGE, "--seed cannot be combined"),
+    ("graft --project text a.bvh -o x", USAGE, "LIB|FILE cannot be combined"),
     # Constraints that nothing satisfies
     ("graft a.bvh -o x --reach 9:LeftHand:0,9999,0", INFEASIBLE, "1 of 1 motions violate the "
      "constraints, because no donor sequence satisfies them; no motion was written; --set "

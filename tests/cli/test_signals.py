@@ -2,6 +2,7 @@
 
 import os
 import random
+import select
 import shutil
 import signal
 import subprocess
@@ -45,6 +46,10 @@ def has_workers(child):
     return is_begun and len(list_session(child.pid, b"spawn_main")) == 2
 
 
+def has_printed(child):
+    return select.select([child.stdout], [], [], 0.0)[0]
+
+
 def is_drawing(child):
     """Return whether a process has loaded Pillow for half a second or more."""
     if "_imaging" not in Path(f"/proc/{child.pid}/maps").read_text():
@@ -60,11 +65,11 @@ COMMANDS = {
     "graft": (["graft", "CLIP", "-o", "out", "-n", "3000"], "out/*.bvh"),
     "index": (["index", "MANY", "-o", "lib"], ".lib*/*/frames*"),
     "index workers": (["index", "MANY", "-o", "lib", "-j", "2"], ".lib*/*/frames*"),
-    "export": (GIF, None),
+    "export": (GIF, is_drawing),
     "film": (MP4, "*.part"),
-    "stream": (["stream", "CLIP", "--socket", "socket"], "socket"),
+    "stream": (["stream", "CLIP", "--port", "0"], has_printed),
 }
-"""Words of commands, and the files that exist while they run; None while they draw."""
+"""Words of commands, and the files that exist while they run, or a condition."""
 
 
 BOTH = (signal.SIGINT, signal.SIGTERM)
@@ -80,7 +85,7 @@ def end_by_signal(name, number, places):
     """Run a command and end it by a signal; return the seconds until all its processes ended."""
     words, files = COMMANDS[name]
     with running(*(places.get(word, word) for word in words)) as child:
-        wait_until(lambda: any(Path().glob(files)) if files else is_drawing(child), child)
+        wait_until(lambda: files(child) if callable(files) else any(Path().glob(files)), child)
         # Only Ctrl-C reaches the workers as well.
         (os.killpg if number == signal.SIGINT else os.kill)(child.pid, number)
         begin = time.monotonic()

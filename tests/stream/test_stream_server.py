@@ -4,11 +4,8 @@ import json
 import signal
 import socket
 import struct
-import sys
 import time
-from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,21 +14,24 @@ from hypothesis import strategies as st
 
 import mograft as mg
 import mograft.constraints as mc
-from mograft.stream.server import ServerLimits, StreamServer, is_loopback
+from mograft.stream.server import StreamServer, is_loopback
 from mograft.stream.session import MAX_BODY_BYTES, MAX_HEADER_BYTES, StreamSession
 from tests.running import running
 from tests.stream_examples import StreamClient, StreamError
-
-PATIENT = ServerLimits(idle_seconds=600.0, message_seconds=600.0, drain_seconds=600.0)
-"""Limits that no client of the tests exceeds, also on a busy machine."""
 
 HELLO = {"type": "hello", "protocol": "mograft.stream/1"}
 FEW_EXAMPLES = settings(max_examples=6)
 
 
+class PatientServer(StreamServer):
+    """A server with limits that no client of the tests exceeds, also on a busy machine."""
+
+    message_seconds = drain_seconds = 600.0
+
+
 @pytest.fixture(scope="module")
 def server(two_dances):
-    with StreamServer(two_dances, limits=PATIENT) as running:
+    with PatientServer(two_dances) as running:
         yield running
 
 
@@ -200,17 +200,13 @@ INVALID_FRAMES = {
 INVALID_REQUESTS = {
     "empty header": (frame(b""), "the header must be JSON"),
     "latin header": (frame(b'{"type": "\xe9"}'), "the header must be JSON in UTF-8"),
-    "list": (frame([]), "the header must be a JSON object"),
     "deep": (frame(b"[" * 60_000), "the header must be JSON"),
     "nan header": (frame(b'{"type": NaN}'), "numbers must be finite and at most 1e.15, got NaN"),
     "large number": (frame(b'{"type": 1e999}'), "numbers must be .*, got 1e999"),
-    "large integer": (frame(b'{"type": -1%s}' % (b"0" * 400)), "numbers must be .*, got -1000"),
     "no type": (frame({}), "`type` must be one of hello, push, constraints, close, got None"),
-    "list type": (frame({"type": []}), "`type` must be one of"),
     "protocol": (hello(protocol="x/2"), "must be 'mograft.stream/1', got 'x/"),
     "dtype": (hello(dtype="int8"), "`dtype` must be one of float32, float64"),
     "seed": (hello(seed=-1), "`seed` must be a whole number"),
-    "true seed": (hello(seed=True), "`seed` must be a whole number of at least 0, got True"),
     "unknown entry": (hello(sead=1), "the entries of 'hello' must be among .*, got 'sead'"),
     "no arrays": (push([]), "`arrays` must be rotations and positions, got none"),
     "arrays": (frame({"type": "push", "arrays": 3}), "`arrays` must be a list"),
@@ -218,15 +214,11 @@ INVALID_REQUESTS = {
     "short body": (push([[1, 18, 4], [1, 3]], b"123"), "ends at byte 288 of a body of 3 bytes"),
     "long arrays": (push([[1, 18, 4], [1, 3]], bytes(301)), "body must have 300 bytes"),
     "dtype of array": (push([[1], [1]], b"", dtype="int8"), "must be one of float32, float64"),
-    "negative": (push([[-1, 18, 4]]), "the shape of 'rotations' must be"),
     "overflow": (push([[10**15, 10**15, 10**15]]), "the shape of 'rotations' must be"),
     "float shape": (push([[1.0, 18, 4]]), "the shape of 'rotations' must be"),
     "zeros": (push([[1, 18, 4], [1, 3]], bytes(300)), "must be unit quaternions, got norm 0"),
     "constraints": (frame({"type": "constraints"}), "`constraints` must be a list, got None"),
     "no kind": (constrain({}), "Character, got {}"),
-    "kind": (constrain({"kind": "Fly"}), "unknown constraint or obstacle 'Fly'"),
-    "list kind": (constrain({"kind": []}), "."),
-    "text": (constrain("x"), "each of `constraints` must be"),
     "obstacle": (constrain({"kind": "Avoid", "obstacle": 5}), "`obstacle` must be an obstacle"),
     "joint": (constrain({**REACH, "joint": "Wing"}), "no joint is named 'Wing'"),
     "close": (frame({"type": "close"}), "at least 2 frames"),
@@ -359,21 +351,13 @@ def test_random_bytes_get_at_most_errors(server, start, end):
 
 SIZES = st.floats(-1e15, 1e15) | st.sampled_from([1e-300, 1e15, -1e15, 0.0])
 POINTS = st.lists(SIZES, min_size=3, max_size=3)
-SHAPES = {
-    "Sphere": {"center": POINTS, "radius": SIZES},
-    "Box": {"center": POINTS, "half": POINTS},
-    "HalfSpace": {"point": POINTS, "normal": POINTS},
-}
-OBSTACLES = st.one_of(
-    st.fixed_dictionaries({"kind": st.just(kind), **sizes}) for kind, sizes in SHAPES.items()
-)
-FRAMES = st.integers(0, 10**15)
-TARGETS = {"kind": st.just("Reach"), "joint": st.just("LeftHand"), "target": POINTS}
 TOLERANCES = {"weight": SIZES, "tolerance": SIZES}
+SPHERES = st.fixed_dictionaries({"kind": st.just("Sphere"), "center": POINTS, "radius": SIZES})
+AVOID = {"kind": st.just("Avoid"), "obstacle": SPHERES}
+REACHES = {"kind": st.just("Reach"), "joint": st.just("LeftHand"), "target": POINTS}
 CONSTRAINTS = st.fixed_dictionaries(
-    {"kind": st.just("Avoid"), "obstacle": OBSTACLES},
-    optional={**TOLERANCES, "frames": st.just([0, 10**15])},
-) | st.fixed_dictionaries({**TARGETS, "frame": FRAMES}, optional=TOLERANCES)
+    AVOID, optional={**TOLERANCES, "frames": st.just([0, 10**15])}
+) | st.fixed_dictionaries({**REACHES, "frame": st.integers(0, 10**15)}, optional=TOLERANCES)
 
 
 @settings(max_examples=15)
@@ -394,9 +378,9 @@ def test_extreme_constraints_get_pieces_or_errors(server, short_base, constraint
 
 @pytest.mark.parametrize("data", [b"M", b"MGS1\x05", frame(HELLO)[:-1]])
 def test_incomplete_message_ends_the_connection_after_the_timeout(two_dances, data):
-    with StreamServer(two_dances, limits=PATIENT) as server, connect(server) as other:
+    with PatientServer(two_dances) as server, connect(server) as other:
         assert other.request(HELLO)[0]["type"] == "welcome"
-        server.limits = ServerLimits(message_seconds=0.3)  # of connections from now on
+        server.message_seconds = 0.3  # of connections from now on
         with connect(server) as client:
             client.socket.sendall(data)
             assert other.request(HELLO)[0]["type"] == "welcome"
@@ -407,19 +391,19 @@ def test_incomplete_message_ends_the_connection_after_the_timeout(two_dances, da
 
 
 def test_silent_client_is_disconnected_after_the_idle_timeout(two_dances):
-    limits = ServerLimits(idle_seconds=0.3)
     start = time.monotonic()
-    with StreamServer(two_dances, limits=limits) as server, connect(server) as client:
+    with StreamServer(two_dances, timeout=0.3) as server, connect(server) as client:
         # The first of the calls may fail, if this process is not scheduled in time.
         with pytest.raises(StreamError, match="no complete") as caught:  # noqa: PT012
             client.request(HELLO)
             client.receive()
         assert caught.value.header["code"] == "timeout"
-        assert time.monotonic() - start >= limits.idle_seconds
+        assert time.monotonic() - start >= 0.3
 
 
-def test_client_that_does_not_read_replies_is_disconnected(two_dances):
-    with StreamServer(two_dances, limits=ServerLimits(message_seconds=0.5)) as server:
+def test_client_that_does_not_read_replies_is_disconnected(two_dances, monkeypatch):
+    monkeypatch.setattr(StreamServer, "message_seconds", 0.5)
+    with StreamServer(two_dances) as server:
         with connect(server) as client:
             client.socket.settimeout(120.0)
             # More requests than the buffers of the sockets hold: the client waits for the server,
@@ -431,8 +415,9 @@ def test_client_that_does_not_read_replies_is_disconnected(two_dances):
             assert client.request(HELLO)[0]["type"] == "welcome"
 
 
-def test_connection_beyond_the_maximum_gets_an_error(two_dances):
-    with StreamServer(two_dances, limits=ServerLimits(max_connections=1)) as server:
+def test_connection_beyond_the_maximum_gets_an_error(two_dances, monkeypatch):
+    monkeypatch.setattr(StreamServer, "max_connections", 1)
+    with StreamServer(two_dances) as server:
         with connect(server) as client:
             client.request(HELLO)
             with (
@@ -453,45 +438,7 @@ def test_connection_beyond_the_maximum_gets_an_error(two_dances):
         assert header["type"] == "welcome"
 
 
-# Sockets
-
-
-def test_unix_socket_gives_the_same_replies_and_is_removed(two_dances, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)  # paths of sockets have at most about 100 bytes
-    path = Path("s")
-    with StreamServer(two_dances, path) as server:
-        assert server.address == str(path)
-        assert path.stat().st_mode & 0o777 == 0o600
-        with StreamClient(path) as client:
-            assert client.request(HELLO)[0]["type"] == "welcome"
-        with pytest.raises(FileExistsError):
-            StreamServer(two_dances, path)
-    assert not path.exists()
-    with socket.socket(socket.AF_UNIX) as dead:
-        dead.bind(str(path))
-    with StreamServer(two_dances, path), StreamClient(path) as client:
-        assert client.request(HELLO)[0]["type"] == "welcome"
-    path.write_text("text")
-    with pytest.raises(FileExistsError):
-        StreamServer(two_dances, path)
-    assert path.read_text() == "text"
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="other systems refuse at a full queue")
-def test_unix_socket_of_a_busy_server_is_kept(two_dances, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    path = Path("s")
-    with socket.socket(socket.AF_UNIX) as busy, ExitStack() as clients:
-        busy.bind(str(path))
-        busy.listen(0)
-        errors = 0
-        while errors == 0:
-            client = clients.enter_context(socket.socket(socket.AF_UNIX))
-            client.settimeout(0.0)
-            errors = client.connect_ex(str(path))
-        with pytest.raises(FileExistsError):
-            StreamServer(two_dances, path)
-        assert path.is_socket()
+# The command
 
 
 def test_is_loopback_only_for_addresses_of_this_computer():
@@ -506,18 +453,15 @@ def interrupt(process):
     return process.stderr.read()
 
 
-def test_command_serves_a_library_until_it_is_interrupted(two_dances, short_base, tmp_path):
+def test_command_serves_a_library_until_it_is_interrupted(two_dances, tmp_path):
     two_dances.save(tmp_path / "l")
     with running("stream", tmp_path / "l", "--port", 0) as (process, document):
         assert document["schema"] == "mograft.stream-server/1"
         host, _, port = document["address"].partition(":")
         assert host == "127.0.0.1"
         with StreamClient((host, int(port))) as client:
-            rotations, positions = short_base.rotations, short_base.positions
-            found = pieces_by_socket(client, rotations, positions, [30], dtype="float64")
+            assert client.request(HELLO)[0]["joints"] == list(two_dances.skeleton.names)
         assert interrupt(process) == "interrupted\n"
-    pieces = pieces_in_process(two_dances, short_base)
-    np.testing.assert_array_equal(found[0], mg.join_pieces(pieces).rotations)
 
 
 def test_command_warns_of_other_computers(two_dances, tmp_path):

@@ -33,31 +33,6 @@ for _side in ("Left", "Right"):
     BONES |= {f"{_side}{joint}": f"{_side}{bone}" for joint, bone in _bones.items()}
 
 
-@pytest.mark.parametrize(
-    ("message", "data"),
-    [
-        (
-            ("/oscillator/4/frequency", (440.0,)),
-            "2f6f7363696c6c61746f722f342f6672657175656e6379002c66000043dc0000",
-        ),
-        (
-            ("/foo", (1000, -1, "hello", 1.234, 5.678)),
-            "2f666f6f000000002c6969736666000000 0003e8ffffffff68656c6c6f0000003f9df3b640b5b22d",
-        ),
-    ],
-)
-def test_examples_of_the_specification(message, data):
-    content = bytes.fromhex(data)
-    bundle = b"#bundle\0" + bytes(7) + b"\1" + len(content).to_bytes(4, "big") + content
-    assert osc.encode_bundle([message]) == bundle
-    for packet in (content, bundle):
-        ((address, arguments),) = osc.decode(packet)
-        assert address == message[0]
-        assert len(arguments) == len(message[1])
-        for own, expected in zip(arguments, message[1], strict=True):
-            assert own == (expected if isinstance(expected, str) else pytest.approx(expected))
-
-
 def written_out(address, tags, words):
     """The bytes of a message with its length, from texts and numbers in hexadecimal."""
     texts = [own.encode() + bytes(4 - len(own) % 4) for own in (address, tags)]
@@ -413,32 +388,10 @@ def test_space_pauses_and_the_motion_goes_on_where_it_was(clock):
     assert late[-1] == pytest.approx(3.0, abs=0.05)
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["play", "CLIP"], "required: --vmc"),
-        (["play", "CLIP", "--vmc", "127.0.0.1:0"], "--vmc: must be HOST or HOST:PORT"),
-        (["stream", "CLIP", "--vmc-in", "x"], "--vmc-in: must be PORT or HOST:PORT"),
-        (["stream", "CLIP", "--vmc-in", "39600"], "--vmc-in requires --vmc"),
-        (["stream", "CLIP", "--port", "0", "--vmc", "127.0.0.1"], "--vmc requires --vmc-in: "),
-        (["stream", "CLIP"], "one of --port, --socket and --vmc-in is required"),
-    ],
-)
-def test_usage_errors(tmp_path, capsys, words, message):
-    mg.write_bvh(MOTION[:60], tmp_path / "a.bvh")
-    with pytest.raises(SystemExit):
-        main([str(tmp_path / "a.bvh") if own == "CLIP" else own for own in words])
-    assert message in capsys.readouterr().err
-
-
-def test_port_in_use_is_an_error(tmp_path, capsys):
-    mg.write_bvh(MOTION[:200], tmp_path / "a.bvh")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind(("127.0.0.1", 0))
-        port = str(taken.getsockname()[1])
-        words = ["stream", str(tmp_path / "a.bvh"), "--vmc-in", port, "--vmc", "127.0.0.1"]
-        assert main(words) == 1
-    assert f"error: 127.0.0.1:{port}: " in capsys.readouterr().err
+def test_port_in_use_is_an_error_that_names_it(setting):
+    address = ("127.0.0.1", setting.receiver.port)
+    with pytest.raises(OSError, match=f"127.0.0.1:{address[1]}"):
+        Receiver(address)
 
 
 def test_stream_over_vmc_ends_by_ctrl_c(tmp_path):

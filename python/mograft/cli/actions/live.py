@@ -18,7 +18,7 @@ from mograft.cli.syntax.commands import PlayOptions, StreamOptions
 from mograft.errors import join_names
 from mograft.io.formats import find_addresses, read_clip
 from mograft.stream.live import Receiver, Relay, Sender, play
-from mograft.stream.server import ServerLimits, StreamServer, is_loopback
+from mograft.stream.server import StreamServer, is_loopback
 from mograft.stream.session import PROTOCOL
 from mograft.stream.vmc import Figure
 
@@ -45,23 +45,22 @@ def run_play(options: PlayOptions) -> int:
 
 def run_stream(options: StreamOptions) -> int:
     """Serve grafts of a motion that arrives, until the command is interrupted."""
-    ways = (options.port, options.socket, options.vmc_in)
     if options.vmc is None and options.vmc_in is not None:
         raise UsageError("--vmc-in requires --vmc")
     if options.vmc is not None and options.vmc_in is None:
         raise UsageError("--vmc requires --vmc-in: clients of --port receive the new motion")
-    if (n := sum(own is not None for own in ways)) != 1:
-        raise UsageError(f"one of --port, --socket and --vmc-in is required, got {n or 'none'}")
+    if (options.port is None) == (options.vmc_in is None):
+        given = "none" if options.port is None else "both"
+        raise UsageError(f"one of --port and --vmc-in is required, got {given}")
     library = load_library(options)
     if options.vmc is not None and options.vmc_in is not None:
         _relay(library, options.vmc_in, options.vmc, options)
         return 0
-    address = options.socket or (options.host, options.port or 0)
-    if options.socket is None and not is_loopback(options.host):
+    if not is_loopback(options.host):
         print_remark(
             f"warning: {options.host} accepts connections from other computers, without a password"
         )
-    server = StreamServer(library, address, ServerLimits(idle_seconds=options.timeout))
+    server = StreamServer(library, (options.host, options.port or 0), options.timeout)
     document = {"protocol": PROTOCOL, "address": server.address, "rate": library.rate}
     lines = [f"{PROTOCOL} at {server.address}, {library.rate:.6g} frames/s; Ctrl-C ends it"]
     print_result(options, "stream-server/1", document, lines)

@@ -108,8 +108,7 @@ class StreamOptions(options.LibraryOptions):
     one line with the address, and runs until it is interrupted.
     """
 
-    port: values.Port | None = option("TCP port; 0 selects a free port; or give --socket")
-    socket: values.OutputPath | None = option("path of a Unix socket to create")
+    port: values.Port | None = option("TCP port; 0 selects a free port")
     host: Annotated[str, Value("ADDRESS")] = setting(
         "address at which the TCP port is open (default: 127.0.0.1, only this computer)",
         default="127.0.0.1",
