@@ -7,8 +7,7 @@ docs/howto/stream.md describes the protocol. Everything is little-endian.
 import json
 import math
 import struct
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -157,6 +156,15 @@ def _read_description(record: object) -> tuple[str, "np.dtype[np.floating[Any]]"
     return name, DTYPES[dtype], shape
 
 
+_ENTRIES: Mapping[str, Sequence[str]] = {
+    "hello": ("protocol", "dtype", "seed", "horizon", "delay", "swap"),
+    "push": (),
+    "constraints": ("constraints",),
+    "close": (),
+}
+"""The other entries of the header by the type of a request."""
+
+
 class StreamSession:
     """One client's stream on a library, and the dtype of the replies to the client."""
 
@@ -170,23 +178,35 @@ class StreamSession:
 
         Raise RequestError if the request is invalid; the stream is then unchanged.
         """
-        handlers: Mapping[str, Callable[[Message], Message]] = {
-            "hello": self._hello,
-            "push": self._push,
-            "constraints": self._set_constraints,
-            "close": self._close,
-        }
-        kind = request.header.get("type")
-        handler = handlers.get(kind) if isinstance(kind, str) else None
-        if handler is None:
-            raise RequestError(f"`type` must be one of {', '.join(handlers)}, got {kind!r}")
+        options = dict(request.header)
+        kind = options.pop("type", None)
+        if not isinstance(kind, str) or kind not in _ENTRIES:
+            raise RequestError(f"`type` must be one of {', '.join(_ENTRIES)}, got {kind!r}")
+        for name in options.keys() - {*_ENTRIES[kind]}:
+            allowed = ", ".join(["type", *_ENTRIES[kind]])
+            raise RequestError(f"the entries of {kind!r} must be among {allowed}, got {name!r}")
+        stream = self._stream
+        if stream is None and kind != "hello":
+            raise RequestError("`type` must be 'hello' in the first request and after 'close'")
         # Constraints with extreme numbers have infinite costs.
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-            return handler(request)
+            try:
+                if stream is None or kind == "hello":
+                    return self._hello(options)
+                if kind == "constraints":
+                    return _set_constraints(stream, options)
+                if kind == "push":
+                    _push(stream, request.arrays)
+                else:
+                    stream.close()
+            except (ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:
+                raise RequestError(str(error) or type(error).__name__) from error
+            if kind == "close":
+                self._stream = None
+            return self._pieces(stream)
 
-    def _hello(self, request: Message) -> Message:
+    def _hello(self, options: dict[str, Any]) -> Message:
         """Start a new stream; describe the skeleton that its frames must have."""
-        options = _options(request, "protocol", "dtype", "seed", "horizon", "delay", "swap")
         protocol, dtype = options.pop("protocol", None), options.pop("dtype", "float32")
         if protocol != PROTOCOL:
             raise RequestError(f"`protocol` must be {PROTOCOL!r}, got {protocol!r}")
@@ -195,9 +215,7 @@ class StreamSession:
         if not isinstance(options.get("swap", []), list):
             raise RequestError(f"`swap` must be a list of groups, got {options['swap']!r}")
         library = self._library
-        with _invalid_arguments():
-            stream = Stream(library, **options)
-        self._stream, self.dtype = stream, dtype
+        self._stream, self.dtype = Stream(library, **options), dtype
         skeleton = library.skeleton
         header = {
             "type": "welcome",
@@ -209,46 +227,9 @@ class StreamSession:
             "parents": np.asarray(skeleton.parents).tolist(),
             "root": library.root,
             "up": library.up,
-            "swap": {group: library.joints(group).tolist() for group in stream.groups},
+            "swap": {group: library.joints(group).tolist() for group in self._stream.groups},
         }
         return Message(header, {"offsets": skeleton.offsets})
-
-    def _push(self, request: Message) -> Message:
-        """Append frames; return the pieces that can then be committed."""
-        _options(request)
-        stream = self._open_stream()
-        arrays = request.arrays
-        if set(arrays) != {"rotations", "positions"}:
-            given = ", ".join(arrays) or "none"
-            raise RequestError(f"`arrays` must be rotations and positions, got {given}")
-        with _invalid_arguments():
-            stream.push(_unit_quaternions(arrays["rotations"]), arrays["positions"])
-        return self._pieces(stream)
-
-    def _set_constraints(self, request: Message) -> Message:
-        """Replace the constraints of the frames that are not committed."""
-        stream = self._open_stream()
-        records = _options(request, "constraints").get("constraints")
-        if not isinstance(records, list):
-            raise RequestError(f"`constraints` must be a list, got {records!r}")
-        with _invalid_arguments():
-            stream.constraints = [_constraint(record) for record in records]
-        count, free = len(stream.constraints), stream.first_free_frame
-        return Message({"type": "constraints", "n_constraints": count, "first_free_frame": free})
-
-    def _close(self, request: Message) -> Message:
-        """End the base motion, to which no frames follow; return all remaining pieces."""
-        _options(request)
-        stream = self._open_stream()
-        with _invalid_arguments():
-            stream.close()
-        self._stream = None
-        return self._pieces(stream)
-
-    def _open_stream(self) -> Stream:
-        if self._stream is None:
-            raise RequestError("`type` must be 'hello' in the first request and after 'close'")
-        return self._stream
 
     def _pieces(self, stream: Stream) -> Message:
         """Commit all pieces that can be committed, and return them as one message."""
@@ -267,13 +248,22 @@ class StreamSession:
         return Message(header, {"rotations": rotations, "positions": np.concatenate(positions)})
 
 
-def _options(request: Message, *names: str) -> dict[str, Any]:
-    """Return the entries of a header except ``type``; raise RequestError for one not in `names`."""
-    options = {name: value for name, value in request.header.items() if name != "type"}
-    for name in options.keys() - {*names}:
-        allowed, kind = ", ".join(["type", *names]), request.header["type"]
-        raise RequestError(f"the entries of {kind!r} must be among {allowed}, got {name!r}")
-    return options
+def _push(stream: Stream, arrays: Mapping[str, Array]) -> None:
+    """Append frames."""
+    if set(arrays) != {"rotations", "positions"}:
+        given = ", ".join(arrays) or "none"
+        raise RequestError(f"`arrays` must be rotations and positions, got {given}")
+    stream.push(_unit_quaternions(arrays["rotations"]), arrays["positions"])
+
+
+def _set_constraints(stream: Stream, options: Mapping[str, Any]) -> Message:
+    """Replace the constraints of the frames that are not committed."""
+    records = options.get("constraints")
+    if not isinstance(records, list):
+        raise RequestError(f"`constraints` must be a list, got {records!r}")
+    stream.constraints = [_constraint(record) for record in records]
+    count, free = len(stream.constraints), stream.first_free_frame
+    return Message({"type": "constraints", "n_constraints": count, "first_free_frame": free})
 
 
 def _unit_quaternions(rotations: Array) -> Array:
@@ -292,15 +282,6 @@ def _constraint(record: object) -> Constraint:
     if not isinstance(record, dict) or record.get("is_restored") is False:
         raise RequestError(f"each of `constraints` must be an object with `kind`, got {record!r}")
     return decode_constraint(record, _refuse_motion)
-
-
-@contextmanager
-def _invalid_arguments() -> Iterator[None]:
-    """Raise RequestError for an error that an argument of the client causes."""
-    try:
-        yield
-    except (ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:
-        raise RequestError(str(error) or type(error).__name__) from error
 
 
 def _refuse_motion(record: Record) -> Motion:
