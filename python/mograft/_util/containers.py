@@ -72,7 +72,8 @@ class SizedCache(Generic[K, V]):
         return self._items.get(key, (None, 0))[0]
 
     def put(self, key: K, value: V, size: int) -> V:
-        """Store a value of `size` bytes, and return it."""
+        """Store a value of `size` bytes as the newest one, and return it."""
+        self._items.pop(key, None)
         known = list(self._items.items())
         total = size + sum(own for _, (_, own) in known)
         for other, (_, own) in known:

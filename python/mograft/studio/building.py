@@ -1,10 +1,10 @@
 """The library of a session, which a thread builds."""
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
+from mograft._util.containers import SizedCache
 from mograft.errors import MograftError
 from mograft.studio import sources
 from mograft.studio.desk import Desk
@@ -18,7 +18,7 @@ class LibraryBuilder:
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
-        self._known: dict[tuple[Any, ...], sources.Opened] = {}
+        self._known = SizedCache[tuple[Any, ...], sources.Opened](_MAX_LIBRARIES)
         self._worker = ThreadPoolExecutor(1, "studio library")
         self._is_closed = False
 
@@ -29,10 +29,9 @@ class LibraryBuilder:
             key = sources.library_key(desk.project)
             if key == desk.opened.key or self._is_closed:
                 return
+            desk.opened = replace(desk.opened, key=key, status="building", done=0, total=0)
             known = self._known.get(key)
-            if known is None:
-                desk.opened = replace(desk.opened, key=key, status="building", done=0, total=0)
-            else:
+            if known is not None:
                 self._show(known)
         self._worker.submit(self._build, desk.project, key, known)
 
@@ -45,23 +44,23 @@ class LibraryBuilder:
         self._is_closed = True
         self._worker.shutdown(cancel_futures=True)
 
-    def _build(self, project: Project, key: tuple[Any, ...], known: sources.Opened | None) -> None:
-        desk = self._desk
+    def _is_old(self, key: tuple[Any, ...]) -> bool:
+        return key != self._desk.opened.key or self._is_closed
 
-        def is_old() -> bool:
-            return key != desk.opened.key or self._is_closed
+    def _build(self, project: Project, key: tuple[Any, ...], opened: sources.Opened | None) -> None:
+        """Build a library that is not known, then its motions, and find the faults of its clips."""
+        desk = self._desk
 
         def progress(text: str, done: int, total: int) -> None:
             with desk.lock:
-                if is_old():
+                if self._is_old(key):
                     raise _NotWantedError
                 desk.opened = replace(desk.opened, done=done, total=total)
             event = {"kind": "progress", "id": "library", "text": text}
             desk.emit({**event, "done": done, "total": total})
 
-        if is_old():
+        if self._is_old(key):
             return
-        opened = known
         if opened is None:
             try:
                 opened = sources.build(project, progress)
@@ -69,39 +68,31 @@ class LibraryBuilder:
                 return
             except Exception as error:  # it is shown; the session goes on
                 opened = sources.Opened(key, status="failed", message=str(error))
-            self._add(opened, is_old)
-        self._complete(opened, is_old)
-
-    def _add(self, opened: sources.Opened, is_old: Callable[[], bool]) -> None:
-        """Show a library that was built, and keep it."""
-        desk = self._desk
-        with desk.lock:
-            if is_old():
-                return
-            if opened.library is not None:
-                while len(self._known) >= _MAX_LIBRARIES:
-                    del self._known[next(iter(self._known))]
-                self._known[opened.key] = opened
-            self._show(opened)
-            desk.add_hashes()
-            desk.save()
-        desk.notify()
-
-    def _complete(self, opened: sources.Opened, is_old: Callable[[], bool]) -> None:
-        """Build motions again, and find the faults of the clips of the library that is shown."""
-        desk = self._desk
+            with desk.lock:
+                if not self._show(opened):
+                    return
+                desk.add_hashes()
+                desk.save()
+            desk.notify()
         for own in desk.project.motions:
-            if is_old():
+            if self._is_old(key):
                 return
             self._restore(own)
-        opened = sources.with_faults(opened, should_stop=is_old)
+        found = sources.with_faults(opened, should_stop=lambda: self._is_old(key))
+        if self._show(found):
+            desk.notify()
+
+    def _show(self, opened: sources.Opened) -> bool:
+        """Show and keep a library; return False if it is not that of the present project."""
+        desk = self._desk
         with desk.lock:
-            if is_old():
-                return
+            if self._is_old(opened.key):
+                return False
             desk.opened = opened
             if opened.library is not None:
-                self._known[opened.key] = opened
-        desk.notify()
+                self._known.put(opened.key, opened, 1)
+                desk.workshop.set_library(opened.library)
+        return True
 
     def _restore(self, own: ProjectMotion) -> None:
         """Build a motion of a project that was opened."""
@@ -112,11 +103,6 @@ class LibraryBuilder:
                 desk.notify()
         except (MograftError, OSError, ValueError) as error:
             desk.note(f"{desk.name_of(own)}: {error}")
-
-    def _show(self, opened: sources.Opened) -> None:
-        self._desk.opened = opened
-        if opened.library is not None:
-            self._desk.workshop.set_library(opened.library)
 
 
 class _NotWantedError(Exception):

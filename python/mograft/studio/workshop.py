@@ -2,7 +2,6 @@
 
 import json
 import threading
-from collections import OrderedDict
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mograft._util.containers import SizedCache
 from mograft.body.loops import is_loop
 from mograft.config import Config, scale_of_variety
 from mograft.errors import LibraryError, ProvenanceError
@@ -47,27 +47,19 @@ class Workshop:
         self.texts: dict[str, str] = {}  # records as JSON; as objects they need ten times as much
         self.summaries: dict[str, Record] = {}  # what the page shows of each record
         self.measures: dict[str, dict[str, Any]] = {}  # of motions that were built, by record
-        self._grafts: OrderedDict[str, Graft] = OrderedDict()
-        self._libraries: dict[str, Library] = {}  # by hash
-        self._configured: dict[tuple[str, Config], Library] = {}
+        self._grafts = SizedCache[str, Graft](_MAX_BYTES)
+        self._libraries = SizedCache[str, Library](_MAX_LIBRARIES)  # by hash
+        self._configured = SizedCache[tuple[str, Config], Library](_MAX_CONFIGURED)
         self._angles: dict[tuple[str, str], float | None] = {}
-        self._lock = threading.RLock()  # of the attributes
-        self._building = threading.RLock()  # one graft or library at a time; taken first
+        self._building = threading.RLock()  # one graft or library at a time
 
     def set_library(self, library: Library) -> None:
         """Set the library of new motions."""
-        with self._lock:
-            self.library = self._add_library(library)
+        self.library = self._add_library(library)
 
     def _add_library(self, library: Library) -> Library:
         key = hash_library(library)
-        self._libraries[key] = self._libraries.pop(key, library)
-        while len(self._libraries) > _MAX_LIBRARIES:
-            oldest = next(iter(self._libraries))
-            del self._libraries[oldest]
-            for own in [own for own in self._configured if own[0] == oldest]:
-                del self._configured[own]
-        return self._libraries[key]
+        return self._libraries.put(key, self._libraries.get(key) or library, 1)
 
     def configured(self, library: Library, config: Config) -> Library:
         """Return a library with another configuration; the same one for the same arguments."""
@@ -75,14 +67,13 @@ class Workshop:
             return library
         key = (hash_library(library), config)
         with self._building:
-            known = self._configured.pop(key, None) or library.relabelled(config)
-            while len(self._configured) >= _MAX_CONFIGURED:
-                del self._configured[next(iter(self._configured))]
-            self._configured[key] = known  # the last one used is the last one forgotten
-            return known
+            known = self._configured.get(key) or library.relabelled(config)
+            return self._configured.put(key, known, 1)
 
-    def with_variety(self, library: Library, variety: float) -> Library:
-        """Return a library whose neighbourhoods allow more or fewer donors."""
+    def with_variety(self, library: Library, variety: float | None) -> Library:
+        """Return a library whose neighbourhoods allow more or fewer donors; None: as many."""
+        if variety is None:
+            return library
         config = replace(library.config, sigma_scale=scale_of_variety(variety))
         return self.configured(library, config)
 
@@ -106,7 +97,7 @@ class Workshop:
         """Forget the records that have none of these keys, if they are many."""
         if len(self.texts) > 2 * len(keys) + _MAX_UNUSED:
             for key in self.texts.keys() - keys:
-                for table in (self.texts, self.summaries, self.measures, self._grafts):
+                for table in (self.texts, self.summaries, self.measures):
                     table.pop(key, None)
             self._angles.clear()
 
@@ -134,22 +125,14 @@ class Workshop:
 
     def graft(self, key: str) -> Graft:
         """Return the graft of a record: one in memory, or else by replay."""
-        known = self._use(key)
-        if known is not None:
-            return known
-        with self._building:  # another thread may have built it meanwhile
-            graft = self._use(key)
-            if graft is None:
-                record = self.record(key)
-                graft = replay(record, self._find_library(record))
-                self.keep(key, graft)
-            return graft
-
-    def _use(self, key: str) -> Graft | None:
-        with self._lock:
-            if key in self._grafts:
-                self._grafts.move_to_end(key)
-            return self._grafts.get(key)
+        graft = self._grafts.get(key)
+        if graft is None:
+            with self._building:  # another thread may have built it meanwhile
+                graft = self._grafts.get(key)
+                if graft is None:
+                    record = self.record(key)
+                    graft = replay(record, self._find_library(record))
+        return self.keep(key, graft)
 
     def find(self, key: str) -> Graft | None:
         """Return the graft of a record if it is in memory."""
@@ -163,11 +146,10 @@ class Workshop:
         """
         graft, library = self.graft(key), self.library
         with self._building:
-            if library is None or hash_library(library) == self.summaries[key]["library"]:
-                return graft if not is_partial(graft.library) else self._whole(key)
-            rebased = self._rebase(key, library)
-            if rebased is not None:
-                return rebased
+            if library is not None and hash_library(library) != self.summaries[key]["library"]:
+                rebased = self._rebase(key, library)
+                if rebased is not None:
+                    return rebased
             return self._whole(key) if is_partial(graft.library) else graft
 
     def _rebase(self, key: str, library: Library) -> Graft | None:
@@ -186,23 +168,14 @@ class Workshop:
     def _whole(self, key: str) -> Graft:
         """Return a graft with all clips of its library, built from their files."""
         record = read_record(self.record(key))
-        found = find_whole_library(record, ())
-        with self._lock:
-            library = self._add_library(found)
-        graft = replay(record.document, self.configured(library, record.config))
-        self.keep(key, graft)
-        return graft
+        library = self._add_library(find_whole_library(record, ()))
+        return self.keep(key, replay(record.document, self.configured(library, record.config)))
 
-    def keep(self, key: str, graft: Graft) -> None:
-        """Keep a graft in memory, and measure it."""
+    def keep(self, key: str, graft: Graft) -> Graft:
+        """Keep a graft in memory, measure it, and return it."""
         if key in self.texts and key not in self.measures:
             self.measures[key] = _measure(graft)
-        with self._lock:
-            self._grafts[key] = graft
-            self._grafts.move_to_end(key)
-            sizes = {own: _size(each) for own, each in self._grafts.items()}
-            while len(self._grafts) > 2 and sum(sizes.values()) > _MAX_BYTES:
-                del sizes[self._grafts.popitem(last=False)[0]]
+        return self._grafts.put(key, graft, _size(graft))
 
     def _find_library(self, record: Record) -> Library | None:
         """Return the library of a record in its configuration; None if it is not in memory."""
