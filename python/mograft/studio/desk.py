@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from mograft.errors import suggest_name
 from mograft.library.library import Library
 from mograft.library.origin import find_source_file, hash_poses
 from mograft.motion.motion import Motion
@@ -35,6 +36,7 @@ class Desk:
         self.workshop = Workshop(self.folder)
         self.previews: dict[str, tuple[str, Graft]] = {}
         self.characters: dict[Any, tuple[tuple[str, ...], Json] | None] = {}  # meshes by file
+        self.update_library: Callable[[], None]  # build that of the project, if it is another one
         self.lock = threading.RLock()  # of the attributes
         self.action_lock = threading.RLock()  # one action at a time
         self.n_requested = self.ticket = 0  # the number of the last action, and of the present
@@ -100,10 +102,6 @@ class Desk:
             self.save()
             self.notify(is_project=True)
 
-    def update_library(self) -> None:
-        """Build the library of the present project, if it is another one."""
-        raise NotImplementedError
-
     def add_hashes(self) -> None:
         """Add the SHA-256 of inputs that were read since the project was made."""
         known, project = self.opened.hashes, self.project
@@ -168,9 +166,15 @@ class Desk:
         """Return the motion of a `Character` in a constraint, which names a clip of the library."""
         library = self.ready_library()
         name = record.get("name") if isinstance(record, dict) else None
-        if name not in library.names:
-            raise ValueError(f"`motion` must name a clip of the library, got {name!r}")
-        motion = library.clips[library.names.index(name)]
+        motion = library.clips[find_clip(library, "motion", name)]
         if find_source_file(motion) is None:
             raise ValueError(f"`motion` must be a clip as its file has it; {name} was converted")
         return motion
+
+
+def find_clip(library: Library, field: str, name: object) -> int:
+    """Return the index of a clip; raise ValueError, which names the field, if there is none."""
+    if name not in library.names:
+        hint = suggest_name(name, library.names)
+        raise ValueError(f"`{field}` must be a clip of the library, got {name!r}{hint}")
+    return library.names.index(str(name))

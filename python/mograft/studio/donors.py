@@ -32,9 +32,7 @@ def find(desk: Desk, question: Mapping[str, Any]) -> Json:
     own = desk.project.motion(question.get("id"))
     graft, group = desk.workshop.editable(own.record), fields.text("group")
     frames, limit = fields.frames(), fields.integer("limit", _LIMIT, 1, _MAX_LIMIT)
-    library, variety = graft.library, fields.number("variety")
-    if variety is not None:
-        library = desk.workshop.with_variety(library, variety)
+    library = desk.workshop.with_variety(graft.library, fields.number("variety"))
     if group in graft.alternatives:
         cut = base_segments(graft, group)
         found = np.flatnonzero((cut.start == frames[0]) & (cut.stop == frames[1]))

@@ -3,8 +3,7 @@
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from mograft._util.validate import as_integer, is_integer
-from mograft.errors import suggest_name
+from mograft._util.validate import as_integer, check_choice, is_integer
 from mograft.search.constraints import Span, as_span
 
 
@@ -54,13 +53,10 @@ class Fields:
         """Return the fields ``first`` and ``last``."""
         return as_span("first, last", (self.values.get("first"), self.values.get("last")))
 
-    def choice(self, name: str, accepted: Collection[Any]) -> Any:  # noqa: ANN401 - of `accepted`
-        """Return a value that is one of some."""
-        value = self.values.get(name)
-        if not isinstance(value, str | None) or value not in accepted:
-            listed = ", ".join(map(str, accepted))
-            hint = suggest_name(value, [own for own in accepted if own])
-            raise ValueError(f"`{name}` must be one of {listed}, got {value!r}{hint}")
+    def choice(self, name: str, accepted: Collection[str]) -> str:
+        """Return a text that is one of some."""
+        value = self.text(name)
+        check_choice(name, value, accepted)
         return value
 
     def items(self, name: str, kind: type) -> list[Any]:

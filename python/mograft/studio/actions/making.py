@@ -12,7 +12,7 @@ from mograft.motion.motion import Motion
 from mograft.provenance.graft_revision import regenerate
 from mograft.scenario import Scenario, follow, to_beats, transitions, walk
 from mograft.studio.actions.fields import Fields
-from mograft.studio.desk import Desk
+from mograft.studio.desk import Desk, find_clip
 from mograft.studio.project import Lock, Project, ProjectMotion
 from mograft.studio.workshop import renamed
 from mograft.synthesis.graft import graft_many
@@ -27,11 +27,9 @@ _CHANGED_SHARE = 0.4  # of the segments, in motions like another one
 def make(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Make motions on a clip."""
     library = _library(desk, fields)
-    base, count = fields.optional_text("base"), fields.integer("count", 1, 1, _MAX_COUNT)
-    if base is None:
-        base = library.names[0]
-    if base not in library.names:
-        raise ValueError(f"`base` must be a clip, got {base!r}")
+    base = fields.optional_text("base") or library.names[0]
+    count = fields.integer("count", 1, 1, _MAX_COUNT)
+    find_clip(library, "base", base)
     n_before = desk.project.n_made
     grafts = _make(desk, fields, library, base, None, count)
     project = _add(desk, grafts, f"make {count} on {base}", count)
@@ -123,10 +121,9 @@ def _make(
         seed=fields.integer("seed", desk.project.n_made),
         scenario=scenario,
         widen=not is_fixed,
-        distinct=np.radians(desk.project.distinct),
     )
     for note in grafts.notes:
-        desk.emit({"kind": "note", "text": note})
+        desk.note(note)
     return grafts
 
 

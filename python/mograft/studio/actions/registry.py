@@ -1,7 +1,7 @@
 """The actions of a person on a project.
 
-Each is a function of the `Desk` and the fields of the action. It returns the new project and the
-text of the step in the history; None instead of a text means that there is no step.
+Each is a function of the `Desk`, the fields of the action and the motion that it changes, if any.
+It returns the new project, motion or graft, and the text of the step in the history.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,24 +14,39 @@ from mograft.body.groups import PRESETS, JointGroups
 from mograft.errors import suggest_name
 from mograft.io.formats import split_address
 from mograft.io.gltf.document import read_gltf_file
-from mograft.search.constraints import overlaps
 from mograft.studio.actions import editing, making
+from mograft.studio.actions.editing import EDITS
 from mograft.studio.actions.fields import Fields
 from mograft.studio.desk import Desk
-from mograft.studio.project import MARKS, Lock, Project
+from mograft.studio.project import MARKS, Lock, Project, ProjectMotion
 from mograft.synthesis.graft_result import Graft
 
-Outcome = tuple[Project, str | None]
+Outcome = tuple[Project, str]
 
 _MAX_NAME = 200
 
 
 def run_action(desk: Desk, action: Mapping[str, Any]) -> Outcome:
-    """Return the project after an action, and the text of the step."""
-    name = action.get("action")
-    if not isinstance(name, str) or name not in ACTIONS:
-        raise ValueError(f"unknown `action` {name!r}{suggest_name(name, ACTIONS)}")
-    return ACTIONS[name](desk, Fields(action))
+    """Return the project after an action, and the text of the step.
+
+    A preview of an edit is shown, but is no step and is not saved.
+    """
+    name, fields = str(action.get("action")), Fields(action)
+    if name in _ACTIONS:
+        return _ACTIONS[name](desk, fields)
+    if name not in (*_CHANGES, *EDITS):
+        hint = suggest_name(name, [*_ACTIONS, *_CHANGES, *EDITS])
+        raise ValueError(f"unknown `action` {action.get('action')!r}{hint}")
+    own = desk.project.motion(fields.values.get("id"))
+    if name in _CHANGES:
+        changed, text = _CHANGES[name](desk, fields, own)
+        return desk.project.with_motion(changed), text
+    graft, text = EDITS[name](desk, fields, own, desk.workshop.editable(own.record))
+    if fields.flag("preview"):
+        desk.preview(own.id, graft)
+        return desk.project, text
+    key = desk.workshop.add(graft, desk.source_names)
+    return desk.project.with_motion(replace(own, record=key)), text
 
 
 def _set_groups(desk: Desk, fields: Fields) -> Outcome:
@@ -60,31 +75,6 @@ def _set_character(desk: Desk, fields: Fields) -> Outcome:
     return replace(desk.project, character=path), text
 
 
-def _mark(desk: Desk, fields: Fields) -> Outcome:
-    own, mark = desk.project.motion(fields.values.get("id")), fields.choice("mark", MARKS)
-    text = {"star": "favourite", "reject": "reject", None: "unmark"}[mark]
-    changed = replace(own, mark=mark)
-    return desk.project.with_motion(changed), f"{text} {desk.name_of(own)}"
-
-
-def _keep(desk: Desk, fields: Fields) -> Outcome:
-    own, is_kept = desk.project.motion(fields.values.get("id")), fields.flag("isKept")
-    text = f"{'keep' if is_kept else 'do not keep'} {desk.name_of(own)} for export"
-    return desk.project.with_motion(replace(own, is_kept=is_kept)), text
-
-
-def _rename(desk: Desk, fields: Fields) -> Outcome:
-    own, name = desk.project.motion(fields.values.get("id")), fields.text("name").strip()
-    if not 0 < len(name) <= _MAX_NAME or not name.isprintable():
-        raise ValueError(f"`name` must have 1 to {_MAX_NAME} printable characters, got {name!r}")
-    others = [desk.name_of(each) for each in desk.project.motions if each.id != own.id]
-    if name in others:
-        raise ValueError(f"`name` must differ from those of other motions, got {name!r}")
-    text = f"rename {desk.name_of(own)} to {name}"
-    renamed = replace(own, record=desk.workshop.rename(own.record, name))
-    return desk.project.with_motion(renamed), text
-
-
 def _remove(desk: Desk, fields: Fields) -> Outcome:
     removed = [desk.project.motion(own) for own in fields.items("ids", str)]
     if not removed:
@@ -94,51 +84,67 @@ def _remove(desk: Desk, fields: Fields) -> Outcome:
     return replace(desk.project, motions=kept), text
 
 
-def _lock(desk: Desk, fields: Fields) -> Outcome:
-    own, group = desk.project.motion(fields.values.get("id")), fields.text("group")
-    graft, frames = desk.workshop.graft(own.record), fields.frames()
-    editing.check_range(graft, group, frames)
-    is_locked = editing.is_locked(graft, group, [*own.locks, Lock(group, *frames)])
+def _mark(desk: Desk, fields: Fields, own: ProjectMotion) -> tuple[ProjectMotion, str]:
+    mark = fields.choice("mark", MARKS) if fields.has("mark") else None
+    text = {"star": "favourite", "reject": "reject", None: "unmark"}[mark]
+    return replace(own, mark=mark), f"{text} {desk.name_of(own)}"
+
+
+def _keep(desk: Desk, fields: Fields, own: ProjectMotion) -> tuple[ProjectMotion, str]:
+    is_kept = fields.flag("isKept")
+    text = f"{'keep' if is_kept else 'do not keep'} {desk.name_of(own)} for export"
+    return replace(own, is_kept=is_kept), text
+
+
+def _rename(desk: Desk, fields: Fields, own: ProjectMotion) -> tuple[ProjectMotion, str]:
+    name = fields.text("name").strip()
+    if not 0 < len(name) <= _MAX_NAME or not name.isprintable():
+        raise ValueError(f"`name` must have 1 to {_MAX_NAME} printable characters, got {name!r}")
+    others = [desk.name_of(each) for each in desk.project.motions if each.id != own.id]
+    if name in others:
+        raise ValueError(f"`name` must differ from those of other motions, got {name!r}")
+    text = f"rename {desk.name_of(own)} to {name}"
+    return replace(own, record=desk.workshop.rename(own.record, name)), text
+
+
+def _lock(desk: Desk, fields: Fields, own: ProjectMotion) -> tuple[ProjectMotion, str]:
+    group, frames = fields.text("group"), fields.frames()
+    graft = desk.workshop.graft(own.record)
+    is_locked = editing.is_locked(graft, group, own.locks) | editing.select(graft, group, frames)
     others = (lock for lock in own.locks if lock.group != group)
-    locked = replace(own, locks=(*others, *_locks(graft, group, is_locked)))
-    return desk.project.with_motion(locked), f"lock {editing.where(group, *frames)}"
+    locks = (*others, *_locks(graft, group, is_locked))
+    return replace(own, locks=locks), f"lock {editing.where(group, *frames)}"
 
 
-def _unlock(desk: Desk, fields: Fields) -> Outcome:
-    own, group = desk.project.motion(fields.values.get("id")), fields.optional_text("group")
-    graft, frames = desk.workshop.graft(own.record), fields.frames()
+def _unlock(desk: Desk, fields: Fields, own: ProjectMotion) -> tuple[ProjectMotion, str]:
+    group, frames = fields.optional_text("group"), fields.frames()
+    graft = desk.workshop.graft(own.record)
     locks: list[Lock] = []
     for name in dict.fromkeys(lock.group for lock in own.locks):
         is_locked = editing.is_locked(graft, name, own.locks)
         if group in (None, name):
-            is_locked &= ~overlaps(editing.base_segments(graft, name), frames)
+            is_locked &= ~editing.select(graft, name, frames)
         locks += _locks(graft, name, is_locked)
-    unlocked = replace(own, locks=tuple(locks))
-    return desk.project.with_motion(unlocked), f"unlock {editing.where(group, *frames)}"
+    return replace(own, locks=tuple(locks)), f"unlock {editing.where(group, *frames)}"
 
 
 def _locks(graft: Graft, group: str, is_locked: BoolArray) -> list[Lock]:
     return [Lock(group, *frames) for frames in editing.ranges_of(graft, group, is_locked)]
 
 
-ACTIONS: dict[str, Callable[[Desk, Fields], Outcome]] = {
+_ACTIONS: dict[str, Callable[[Desk, Fields], Outcome]] = {
     "set_groups": _set_groups,
     "set_character": _set_character,
     "make": making.make,
     "scenario": making.compose,
     "more_like": making.more_like,
+    "remove": _remove,
+}
+_CHANGES: dict[str, Callable[[Desk, Fields, ProjectMotion], tuple[ProjectMotion, str]]] = {
     "mark": _mark,
     "keep": _keep,
     "rename": _rename,
-    "remove": _remove,
-    "take": editing.take,
-    "ban": editing.ban,
-    "restore": editing.restore,
-    "change": editing.change_range,
-    "regenerate": editing.regenerate_range,
     "lock": _lock,
     "unlock": _unlock,
-    "add_constraint": editing.add_constraint,
-    "set_constraint": editing.set_constraint,
-    "drop_constraint": editing.drop_constraint,
 }
+"""Actions that change what the project has of a motion; `EDITS` change the motion itself."""
