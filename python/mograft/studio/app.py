@@ -3,8 +3,7 @@
 import json
 import sys
 import traceback
-from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
 from importlib.resources import files
 from pathlib import Path, PurePosixPath
@@ -13,7 +12,6 @@ from typing import Any
 from anyio import to_thread
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
-from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
@@ -42,25 +40,17 @@ _Handler = Callable[[Request], Awaitable[Response]]
 
 def create_app(
     session: Session, token: Token, places: Places, report: Callable[[str], None]
-) -> Starlette:
+) -> Guard:
     """Return the application that serves a session to the page.
 
     `places` are the folders that may be read and written. `report` is called with a line for each
     refused request.
     """
-    requests = _Requests(session, places)
-
-    @asynccontextmanager
-    async def lifespan(_: Starlette) -> AsyncIterator[None]:
-        requests.events.start()
-        yield
-
-    return Starlette(
-        routes=requests.routes(),
-        middleware=[Middleware(Guard, token=token, report=report)],
-        exception_handlers={HTTPException: _reply_to_error, Exception: _reply_to_error},
-        lifespan=lifespan,
+    app = Starlette(
+        routes=_Requests(session, places).routes(),
+        exception_handlers=dict.fromkeys((HTTPException, Exception), _reply_to_error),
     )
+    return Guard(app, token, report)
 
 
 class _Requests:
@@ -80,7 +70,7 @@ class _Requests:
             ("GET", "/api/events", self.get_events),
             ("GET", "/api/figure/{kind}/{name:path}", self.get_figure),
             ("GET", "/api/character", self.get_character),
-            ("GET", "/api/window", self.get_window),
+            ("GET", "/api/window/{first:int}/{last:int}/{clip:path}", self.get_window),
             ("GET", "/api/files/{name:path}", self.get_file),
             ("PUT", "/api/files/{name:path}", self.put_file),
             ("POST", "/api/do", self.do),
@@ -88,7 +78,7 @@ class _Requests:
             ("POST", "/api/open", self.open),
             ("POST", "/api/export", self.export),
         ]
-        return [Route(path, _reporting(call), methods=[method]) for method, path, call in table]
+        return [Route(path, call, methods=[method]) for method, path, call in table]
 
     async def get_page(self, _: Request) -> Response:
         """Return the page."""
@@ -118,9 +108,7 @@ class _Requests:
 
     async def get_window(self, request: Request) -> Response:
         """Return frames of a captured clip."""
-        given = request.query_params
-        frames = [_integer(given.get(name, ""), name) for name in ("first", "last")]
-        return await _reply(self.session.window, given.get("clip", ""), *frames)
+        return await _reply(partial(self.session.window, **request.path_params))
 
     async def do(self, request: Request) -> Response:
         """Perform an action: ``{"action": ..., "revision": ...}`` with the fields of the action."""
@@ -162,9 +150,8 @@ class _Requests:
 
     async def put_file(self, request: Request) -> Response:
         """Store a file of the browser, which `open` can open then."""
-        n_bytes = int(request.headers.get("content-length", 0))
-        parts, name = request.stream(), request.path_params["name"]
-        path = await store_upload(parts, n_bytes, self.places.folder, name)
+        name = request.path_params["name"]
+        path = await store_upload(request.stream(), self.places.folder, name)
         return JSONResponse({"path": path.as_posix()})
 
 
@@ -179,18 +166,10 @@ def _asset(folder: str, name: str) -> Response:
 
 async def _document(request: Request) -> dict[str, Any]:
     """Return the JSON object in the body of a request."""
-    if request.headers.get("content-type", "").partition(";")[0] != "application/json":
-        raise Refusal(415, "invalid", "expected the type application/json")
     document = parse_document(await request.body())
     if not isinstance(document, dict):
         raise ValueError(f"expected a JSON object, got {type(document).__name__}")
     return document
-
-
-def _integer(text: str, name: str) -> int:
-    if not (text.isascii() and text.isdecimal() and len(text) < 10):
-        raise ValueError(f"`{name}` must be the number of a frame, got {text!r}")
-    return int(text)
 
 
 async def _reply(call: Callable[..., Any], *arguments: Any) -> Response:  # noqa: ANN401
@@ -200,18 +179,6 @@ async def _reply(call: Callable[..., Any], *arguments: Any) -> Response:  # noqa
         return json.dumps(call(*arguments), allow_nan=False, separators=(",", ":")).encode()
 
     return Response(await to_thread.run_sync(encode), media_type="application/json")
-
-
-def _reporting(handler: _Handler) -> _Handler:
-    """Return a handler that replies to errors, so that each reply has the headers of safety."""
-
-    async def handle(request: Request) -> Response:
-        try:
-            return await handler(request)
-        except Exception as error:  # no request ends the server
-            return await _reply_to_error(request, error)
-
-    return handle
 
 
 async def _reply_to_error(request: Request, error: Exception) -> Response:

@@ -20,16 +20,13 @@ class Events:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._listeners: set[asyncio.Queue[Mapping[str, Any]]] = set()
+        self._loop: asyncio.AbstractEventLoop | None = None  # that of the listeners
+        session.subscribe(self._pass_on)
 
-    def start(self) -> None:
-        """Begin to pass on events, in the running event loop."""
-        loop = asyncio.get_running_loop()
-
-        def pass_on(event: Mapping[str, Any]) -> None:
+    def _pass_on(self, event: Mapping[str, Any]) -> None:
+        if self._loop is not None:
             with suppress(RuntimeError):  # the loop has ended
-                loop.call_soon_threadsafe(self._publish, event)
-
-        self._session.subscribe(pass_on)
+                self._loop.call_soon_threadsafe(self._publish, event)
 
     def _publish(self, event: Mapping[str, Any]) -> None:
         for queue in self._listeners:
@@ -49,6 +46,7 @@ class Events:
 
     async def stream(self) -> AsyncIterator[str]:
         """Yield events in the syntax of ``text/event-stream``, and a heartbeat in pauses."""
+        self._loop = asyncio.get_running_loop()
         queue: asyncio.Queue[Mapping[str, Any]] = asyncio.Queue(_MAX_WAITING)
         self._listeners.add(queue)
         try:

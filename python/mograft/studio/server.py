@@ -2,7 +2,6 @@
 
 import asyncio
 import errno
-import os
 import socket
 import threading
 from collections.abc import Callable, Sequence
@@ -14,7 +13,7 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from mograft.studio.app import create_app
-from mograft.studio.security import Places, Token, limit_reports
+from mograft.studio.security import Places, Token
 from mograft.studio.session import Session
 
 MAX_CONNECTIONS = 64
@@ -39,7 +38,7 @@ class StudioServer:
     port : int
         The port; 0 selects a free port.
     report : callable
-        Called with a line for each refused request; of many in a second, with their number.
+        Called with a line for each refused request.
 
     Raises
     ------
@@ -58,14 +57,14 @@ class StudioServer:
     ) -> None:
         self._socket = _listen(port)
         self.token = Token(self._socket.getsockname()[1])
-        report = limit_reports(report)
+        self.url = self.token.url  # the address that opens the page
         app = create_app(session, self.token, Places(folder, given), report)
         config = uvicorn.Config(
             app,
             http=_limited_protocol(report),
             ws="none",
             loop="asyncio",
-            lifespan="on",
+            lifespan="off",
             log_config=None,
             log_level="critical",
             access_log=False,
@@ -76,19 +75,13 @@ class StudioServer:
         )
         self._server = uvicorn.Server(config)
         # Not the main thread: uvicorn would set handlers of signals there.
-        self._thread = threading.Thread(target=self._run, name="studio server")
-
-    @property
-    def url(self) -> str:
-        """The address that opens the page, with the token."""
-        return self.token.url
+        self._thread = threading.Thread(target=self._run, name="studio server", daemon=True)
 
     def _run(self) -> None:
         asyncio.run(self._server.serve(sockets=[self._socket]))
 
     def __enter__(self) -> Self:
         """Serve pages until the block ends."""
-        self._thread.daemon = True
         self._thread.start()
         return self
 
@@ -102,19 +95,12 @@ class StudioServer:
 
 
 def _listen(port: int) -> socket.socket:
-    listener = socket.socket()
-    if os.name != "nt":  # Windows would share the port with another server
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listener.bind(("127.0.0.1", port))
-        listener.listen(128)
+        return socket.create_server(("127.0.0.1", port), backlog=128)
     except OSError as error:
-        listener.close()
-        if error.errno in (errno.EADDRINUSE, errno.EACCES):
-            text = f"port {port} is not free; choose another one, or 0 for any"
-            raise OSError(text) from error
-        raise
-    return listener
+        if error.errno not in (errno.EADDRINUSE, errno.EACCES):
+            raise
+        raise OSError(f"port {port} is not free; choose another one, or 0 for any") from error
 
 
 def _limited_protocol(report: Callable[[str], None]) -> type[H11Protocol]:
