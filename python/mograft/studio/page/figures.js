@@ -1,7 +1,7 @@
 // The figures of the page: encodings of motions and clips, kept up to date by what changed in them.
 import { dropActor } from "/viewer/actors.js";
 import { loadCharacters } from "/viewer/character.js";
-import { inflate, load, makePose, smooth, unpack } from "/viewer/poses.js";
+import { load, makePose, smooth } from "/viewer/poses.js";
 import { scene } from "/viewer/scene.js";
 import { attempt, read } from "./net.js";
 import { emit, motionOf, on, store } from "./store.js";
@@ -109,45 +109,11 @@ async function loadMeshes() {
   await characters.loading;
 }
 
-// Write the frames of a patch into the values of a figure.
-export async function applyPatch(clip, patch) {
-  const { turning, moving, kept, units, first } = patch;
-  const turns = 4 * turning.length;
-  const tracks = turns + 3 * moving.length;
-  const layout = { kept, tracks, units: Array.from({ length: tracks }, (_, i) => units[i < turns ? 0 : 1]) };
-  const values = unpack(await inflate(patch.pose), layout);
-  const missing = turning.filter((joint) => !clip.turning.includes(joint));
-  if (missing.length) addTracks(clip, missing);
-  const own = 4 * clip.turning.length;
-  const copy = (k, from, to, width) => {
-    for (let i = 0; i < width; i++) clip.values[(first + k) * clip.tracks + to + i] = values[k * tracks + from + i];
-  };
-  for (let k = 0; k < kept; k++) {
-    clip.turning.forEach((joint, i) => {
-      const index = turning.indexOf(joint);
-      if (index >= 0) copy(k, 4 * index, 4 * i, 4);
-      else clip.values.set([0, 0, 0, 1], (first + k) * clip.tracks + 4 * i);
-    });
-    moving.forEach((joint, i) => {
-      const index = clip.moving.indexOf(joint);
-      if (index >= 0) copy(k, turns + 3 * i, own + 3 * index, 3);
-    });
-  }
-  if (moving.length) clip.cameraPath = smooth(clip, Math.round(0.4 / (clip.dt * clip.step)));
-}
-
-// Add tracks of joints that did not turn before.
-function addTracks(clip, joints) {
-  const from = 4 * clip.turning.length;
-  const tracks = clip.tracks + 4 * joints.length;
-  const values = new Float32Array(clip.kept * tracks);
-  for (let k = 0; k < clip.kept; k++) {
-    values.set(clip.values.subarray(k * clip.tracks, k * clip.tracks + from), k * tracks);
-    joints.forEach((_, i) => (values[k * tracks + from + 4 * i + 3] = 1));
-    const rest = clip.values.subarray(k * clip.tracks + from, (k + 1) * clip.tracks);
-    values.set(rest, k * tracks + from + 4 * joints.length);
-  }
-  Object.assign(clip, { values, tracks, turning: [...clip.turning, ...joints] });
+// Write the frames of a patch, which has the tracks of the figure.
+async function applyPatch(clip, patch) {
+  await load(patch);
+  clip.values.set(patch.values, patch.first * clip.tracks);
+  clip.cameraPath = smooth(clip, Math.round(0.4 / (clip.dt * clip.step)));
 }
 
 // Further poses of a figure, by name: for onion skins, and coarse ones for cards. They share its frames.
@@ -169,7 +135,7 @@ export async function windowOf(clip, first, last) {
   const key = JSON.stringify([clip, first, last]);
   if (!windows.has(key)) {
     if (windows.size > 200) windows.delete(windows.keys().next().value);
-    const asked = read(`/api/window?clip=${encodeURIComponent(clip)}&first=${first}&last=${last}`);
+    const asked = read(`/api/window/${first}/${last}/${encodeURIComponent(clip)}`);
     windows.set(
       key,
       asked.then(async (found) => {
