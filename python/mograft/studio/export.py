@@ -37,9 +37,8 @@ def run(desk: Desk, request: Mapping[str, Any]) -> dict[str, list[str]]:
     if fields.flag("into"):
         if ending not in _TOGETHER:
             raise ValueError(f"`into` requires glb or npz, got {ending[1:]}")
-        file = desk.file
-        name = "motions" if file is None else file.path.name.removesuffix(".json")
-        target = folder / f"{portable_stem(name.removesuffix('.project'))}{ending}"
+        name = "motions" if desk.file is None else desk.file.name
+        target = folder / f"{portable_stem(name)}{ending}"
     grafts = [desk.workshop.graft(own.record) for own in motions]
     character = desk.project.character
     files = write_motions(

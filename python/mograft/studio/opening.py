@@ -8,7 +8,7 @@ from pathlib import Path
 from mograft._util.documents import parse_document
 from mograft._util.names import portable_stem
 from mograft.config import Config
-from mograft.errors import FormatError, MograftError, ProvenanceError, suggest_path
+from mograft.errors import FormatError, MograftError, ProvenanceError
 from mograft.io.formats import absolute_address, split_address
 from mograft.library.discover import has_provenance, holds_graft
 from mograft.provenance.document import move_record
@@ -32,17 +32,14 @@ _SUFFIX = ".project.json"
 def open_paths(desk: Desk, paths: Sequence[Path | str]) -> None:
     """Add files, folders, a library or a graft to the project, or open a project.
 
-    The library is built in a thread. Raise FileNotFoundError if a path does not exist.
+    The library is built in a thread.
     """
     with desk.action_lock:
         added: list[ProjectInput] = []
         for path in map(str, paths):
-            place = Path(split_address(path)[0])
-            if not place.exists():
-                raise FileNotFoundError(f"{path} does not exist{suggest_path(place)}")
             kind = _kind_of(path)
             if kind == "project":
-                use_file(desk, place.resolve())
+                use_file(desk, Path(path).resolve())
             elif kind == "graft":
                 _open_graft(desk, path)
             else:

@@ -3,11 +3,11 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from types import UnionType
-from typing import Any, NamedTuple, get_args, get_origin
+from typing import Any, NamedTuple, TypeAlias, get_args, get_origin
 
 from mograft._util.documents import parse_document
 from mograft.body.groups import PRESETS, JointGroups
@@ -16,7 +16,7 @@ from mograft.errors import DAMAGE, FormatError
 from mograft.provenance.document import SCHEMA, move_record
 
 FORMAT = "mograft.project/1"
-MARKS = (None, "star", "reject")
+MARKS = ("star", "reject")
 MAX_STEPS = 200
 """Greatest number of steps that can be undone."""
 
@@ -62,7 +62,6 @@ class Project:
     inputs: tuple[ProjectInput, ...] = ()
     groups: str = "lower_upper"  # the name of a preset, or TOML
     config: Mapping[str, Any] = field(default_factory=dict)  # fields that differ from the defaults
-    distinct: float = 0.0  # smallest angle between motions that are made together, degrees
     character: str | None = None  # absolute path of a file with a mesh
     motions: tuple[ProjectMotion, ...] = ()
     n_made: int = 0  # motions ever made; the next id follows
@@ -94,18 +93,19 @@ class Project:
     @cached_property
     def text(self) -> str:
         """The project as JSON, by which projects are compared."""
-        own = {name: value for name, value in vars(self).items() if name != "text"}
-        own["inputs"] = [vars(each) for each in self.inputs]
-        own["motions"] = [vars(each) for each in self.motions]
-        return json.dumps(own)
+        return json.dumps(asdict(self))
+
+
+Step: TypeAlias = tuple[str, Project]
+"""The text of a step, and the project at its other end."""
 
 
 @dataclass(frozen=True)
 class History:
     """The projects before and after the present one, each with the step between them."""
 
-    past: tuple[tuple[str, Project], ...] = ()  # oldest first
-    future: tuple[tuple[str, Project], ...] = ()  # next first
+    past: tuple[Step, ...] = ()  # oldest first
+    future: tuple[Step, ...] = ()  # next first
 
     def push(self, text: str, old: Project) -> "History":
         """Return the history after a step, which starts at `old`."""
@@ -169,12 +169,13 @@ def read_project(path: Path) -> tuple[Project, History, dict[str, Record]]:
     return _Reader(path).read(document)
 
 
-@dataclass
 class _Reader:
     """Reads the document of a project; errors name the file and the key."""
 
-    path: Path
-    records: dict[str, Record] = field(default_factory=dict)
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.new = self.old = path.parent.resolve()  # the folder, and the one where it was saved
+        self.records: dict[str, Record] = {}
 
     def fail(self, place: str, message: str) -> FormatError:
         return FormatError(message, self.path, place)
@@ -183,48 +184,32 @@ class _Reader:
         found = document.get("format") if isinstance(document, dict) else None
         if found != FORMAT:
             raise self.fail("format", f"expected {FORMAT}, got {found!r}")
-        self.records = self.get(document, "records", dict)
-        for key, record in self.records.items():
+        records = self.get(document, "records", dict)
+        self.old = Path(self.get(document, "folder", str))
+        for key, record in records.items():
             schema = record.get("schema") if isinstance(record, dict) else None
             if schema != SCHEMA:
                 raise self.fail(f"records.{key}", f"`schema` must be {SCHEMA}, got {schema!r}")
-        # The folder of the project has been moved: paths of its files move with it.
-        old, new = Path(self.get(document, "folder", str)), self.path.parent.resolve()
-        project = self.get(document, "project", Project)
-        past, future = (self.get(document, name, list) for name in ("past", "future"))
-        history = History(self.steps(past[-MAX_STEPS:], "past"), self.steps(future, "future"))
-        if old != new:
-            return self.moved(project, history, old, new)
-        return project, history, self.records
+            self.records[key] = self.moved_record(record)
+        past, future = (self.get(document, name, tuple[Step, ...]) for name in ("past", "future"))
+        return self.get(document, "project", Project), History(past, future), self.records
 
-    def moved(
-        self, project: Project, history: History, old: Path, new: Path
-    ) -> tuple[Project, History, dict[str, Record]]:
-        """Return a project that was saved in the folder `old` as one in the folder `new`.
+    def moved_record(self, record: Record) -> Record:
+        """Return a record whose files that are not below the present folder are found, too."""
+        files = [own for own in record.get("clips", ()) if isinstance(own, dict)]
+        is_below = all((self.new / str(own.get("file"))).exists() for own in files)
+        if self.old == self.new or is_below:
+            return record
+        moved: Record = move_record(record, self.old, self.new)
+        return moved
 
-        Files below the old folder are searched for at the same place below the new one.
-        """
-
-        def move(path: str) -> str:
-            own = Path(path)
-            below = new / own.relative_to(old) if own.is_relative_to(old) else own
-            return str(below if below.exists() or not own.exists() else own)
-
-        def move_project(own: Project) -> Project:
-            inputs = tuple(replace(each, path=move(each.path)) for each in own.inputs)
-            character = None if own.character is None else move(own.character)
-            return replace(own, inputs=inputs, character=character)
-
-        moved: dict[str, Record] = {}
-        for key, record in self.records.items():
-            files = [own for own in record.get("clips", ()) if isinstance(own, dict)]
-            is_below = all((new / str(own.get("file"))).exists() for own in files)
-            moved[key] = record if is_below else move_record(record, old, new)
-        steps = {
-            name: tuple((text, move_project(own)) for text, own in pairs)
-            for name, pairs in vars(history).items()
-        }
-        return move_project(project), History(**steps), moved
+    def moved(self, path: str) -> str:
+        """Return a path below the saved folder as one below the present folder, if it is there."""
+        own = Path(path)
+        if self.old == self.new or not own.is_relative_to(self.old):
+            return path
+        below = self.new / own.relative_to(self.old)
+        return str(below if below.exists() or not own.exists() else own)
 
     def get(self, document: Any, key: str, kind: Any, above: str = "") -> Any:  # noqa: ANN401
         """Return the value of a key, as an object of the type of a field."""
@@ -234,18 +219,21 @@ class _Reader:
 
     def decode(self, value: Any, kind: Any, place: str) -> Any:  # noqa: ANN401
         """Return a value of JSON as an object of a class of projects, or of a simple type."""
-        if get_origin(kind) is tuple:
-            items = enumerate(self.decode(value, list, place))
-            return tuple(self.decode(own, get_args(kind)[0], f"{place}[{n}]") for n, own in items)
         if kind is Lock:
-            kinds = [type(own) for own in value] if isinstance(value, list) else []
-            if kinds != [str, int, int] or not 0 <= value[1] <= value[2]:
-                raise self.fail(place, f"expected group, first and last frame, got {value!r}")
-            return Lock(*value)
+            return self.checked(Lock(*self.decode(value, tuple[str, int, int], place)), place)
         if kind in (ProjectInput, ProjectMotion, Project):
-            names = {own.name: own.type for own in fields(kind)}
-            given = {name: self.get(value, name, own, f"{place}.") for name, own in names.items()}
+            given = {
+                own.name: self.get(value, own.name, own.type, f"{place}.") for own in fields(kind)
+            }
             return self.checked(kind(**given), place)
+        if get_origin(kind) is tuple:
+            items, kinds = self.decode(value, list, place), get_args(kind)
+            if kinds[-1] is ...:
+                kinds = kinds[:1] * len(items)
+            if len(items) != len(kinds):
+                raise self.fail(place, f"expected {len(kinds)} items, got {len(items)}")
+            pairs = enumerate(zip(items, kinds, strict=True))
+            return tuple(self.decode(own, each, f"{place}[{n}]") for n, (own, each) in pairs)
         accepted = {float: int | float, Mapping[str, Any]: dict}.get(kind, kind)
         if not isinstance(value, accepted) or (isinstance(value, bool) and kind is not bool):
             name = getattr(accepted, "__name__", str(accepted))
@@ -253,13 +241,17 @@ class _Reader:
         return value
 
     def checked(self, own: Any, place: str) -> Any:  # noqa: ANN401
-        """Return an object; raise FormatError if its fields contradict each other or the file."""
+        """Return an object with paths of present files; raise FormatError if it is impossible."""
+        if isinstance(own, Lock) and not 0 <= own.first <= own.last:
+            raise self.fail(place, f"expected a first and a last frame, got {own.frames}")
+        if isinstance(own, ProjectInput):
+            return replace(own, path=self.moved(own.path))
         if isinstance(own, ProjectMotion):
             if own.record not in self.records:
                 raise self.fail(f"{place}.record", f"{own.record!r} is not in `records`")
-            if own.mark not in MARKS:
+            if own.mark not in (None, *MARKS):
                 raise self.fail(f"{place}.mark", f"expected null, star or reject, got {own.mark!r}")
-        elif isinstance(own, Project):
+        if isinstance(own, Project):
             if len({each.id for each in own.motions}) < len(own.motions):
                 raise self.fail(f"{place}.motions", "expected a different `id` of each motion")
             for name, computed in (("config", "full_config"), ("groups", "joint_groups")):
@@ -267,13 +259,6 @@ class _Reader:
                     getattr(own, computed)
                 except DAMAGE as error:
                     raise self.fail(f"{place}.{name}", str(error)) from None
+            if own.character is not None:
+                return replace(own, character=self.moved(own.character))
         return own
-
-    def steps(self, steps: list[Any], name: str) -> tuple[tuple[str, Project], ...]:
-        found = []
-        for number, step in enumerate(steps):
-            at = f"{name}[{number}]"
-            if not isinstance(step, list) or len(step) != 2 or not isinstance(step[0], str):
-                raise self.fail(at, "expected the text of a step and a project")
-            found.append((step[0], self.decode(step[1], Project, at)))
-        return tuple(found)

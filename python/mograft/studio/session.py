@@ -42,6 +42,7 @@ class Session(Desk):
     def __init__(self, folder: Path, project: Path | None = None) -> None:
         super().__init__(folder)
         self._builder = LibraryBuilder(self)
+        self.update_library = self._builder.update
         self._n_questions = 0  # of donors; only the last of several is answered
         if project is not None:
             use_file(self, Path(project).resolve())
@@ -61,14 +62,10 @@ class Session(Desk):
         if self.file is not None:
             self.file.flush()
 
-    def update_library(self) -> None:
-        """Build the library of the present project, if it is another one."""
-        self._builder.update()
-
     def open(self, paths: Sequence[Path | str]) -> None:
         """Add files, folders, a library or a graft to the project, or open a project.
 
-        The library is built in a thread. Raise FileNotFoundError if a path does not exist.
+        The library is built in a thread.
         """
         with self.action_lock:
             open_paths(self, paths)
@@ -115,7 +112,7 @@ class Session(Desk):
             self.note(own)
         if action.get("preview") is not True:
             self.set(project, text, old)
-        return text or ""
+        return text
 
     def _step(self, step: str) -> str:
         with self.lock:

@@ -11,7 +11,7 @@ from mograft.config import Config
 from mograft.errors import DAMAGE, MograftError
 from mograft.io.formats import split_address
 from mograft.library.derive import BUILD_STAGES
-from mograft.library.discover import find_clips
+from mograft.library.discover import SourceFile, find_clips
 from mograft.library.files.stored_clips import StoredClips
 from mograft.library.ingest_run import MISMATCH_REMEDY
 from mograft.library.library import Library
@@ -38,7 +38,7 @@ class Opened:
     message: str = ""
     sources: tuple[dict[str, Any], ...] = ()
     clips: tuple[dict[str, Any], ...] = ()
-    hashes: dict[str, str] = field(default_factory=dict)  # SHA-256 by input
+    hashes: dict[str, str | None] = field(default_factory=dict)  # SHA-256 by input
 
 
 def library_key(project: Project) -> tuple[Any, ...]:
@@ -75,22 +75,16 @@ def build(project: Project, progress: Progress) -> Opened:
             lost = tuple(_source(own, [], broken, {}) for own in project.inputs)
             message = str(error) if paths else "no motion could be read"
             return replace(opened, status="failed", message=message, sources=lost)
-    files = [own.source_file for own in library.entries]
-    hashes: dict[str, str] = {}
+    files = [own.source_file for own in library.entries if own.source_file is not None]
+    hashes: dict[str, str | None] = {}
     sources = list[dict[str, Any]]()
     for own in project.inputs:
         if is_library(own.path):
-            hashes[own.path] = hash_library(library)
-            sources.append(_source(own, library.names, broken, {}, hashes[own.path]))
-            continue
-        inside = [file for file in files if file is not None and _is_inside(file.path, own.path)]
-        texts = sorted({f"{file.sha256} {Path(file.path).name}" for file in inside})
-        if len(texts) == 1:
-            hashes[own.path] = inside[0].sha256
-        elif texts:
-            hashes[own.path] = hashlib.sha256("\n".join(texts).encode()).hexdigest()
-        names, found = [file.address for file in inside], hashes.get(own.path)
-        sources.append(_source(own, names, broken, library.refused, found))
+            names, hashes[own.path] = list(library.names), hash_library(library)
+        else:
+            inside = [file for file in files if _is_inside(file.path, own.path)]
+            names, hashes[own.path] = [file.address for file in inside], _hash(inside)
+        sources.append(_source(own, names, broken, library.refused, hashes[own.path]))
     return replace(
         opened,
         library=library,
@@ -103,6 +97,14 @@ def build(project: Project, progress: Progress) -> Opened:
         ),
         hashes=hashes,
     )
+
+
+def _hash(files: Sequence[SourceFile]) -> str | None:
+    """Return the SHA-256 of a file, or of the names and hashes of several; None for none."""
+    texts = sorted({f"{own.sha256} {Path(own.path).name}" for own in files})
+    if len(texts) == 1:
+        return files[0].sha256
+    return hashlib.sha256("\n".join(texts).encode()).hexdigest() if texts else None
 
 
 def _can_open(path: str, broken: dict[str, str]) -> bool:

@@ -14,7 +14,7 @@ from mograft.library.library import Library
 from mograft.library.origin import hash_poses
 from mograft.motion.motion import Motion
 from mograft.provenance.document import violation_record
-from mograft.studio.desk import Desk
+from mograft.studio.desk import Desk, find_clip
 from mograft.studio.notes import captured_warnings
 from mograft.studio.project import ProjectMotion, Record
 from mograft.viewing.character import read_character
@@ -34,9 +34,7 @@ def state(desk: Desk) -> Json:
     past, future = desk.history.past, desk.history.future
     return {
         "revision": desk.revision,
-        "name": ""
-        if file is None
-        else file.path.name.removesuffix(".json").removesuffix(".project"),
+        "name": "" if file is None else file.name,
         "file": None if file is None else str(file.path),
         "folder": str(desk.folder),
         "undo": past[-1][0] if past else None,
@@ -83,7 +81,7 @@ def _options(desk: Desk) -> Json:
     config, library = dict(desk.project.config), desk.opened.library
     known = config.get("sigma_scale", 0.75 if library is None else library.config.sigma_scale)
     variety = round(min(max(variety_of_scale(known), 0.0), 1.0), 3)
-    return {"distinct": desk.project.distinct, "variety": variety, **config}
+    return {"variety": variety, **config}
 
 
 def _motion(desk: Desk, own: ProjectMotion) -> Json:
@@ -158,8 +156,7 @@ def figure(desk: Desk, kind: str, name: str, since: str | None) -> Json:
     """Return the encoding of a figure."""
     if kind == "clip":
         library = desk.ready_library()
-        if name not in library.names:
-            raise ValueError(f"`name` must be that of a clip, got {name!r}")
+        find_clip(library, "name", name)
         shown = clip_figure(library, name)
         key = hashlib.sha256(library.groups.to_toml().encode()).hexdigest()[:8]
         return _encoded(desk, shown, f"clip-{key}-{hash_poses(shown.motion)[:32]}")
@@ -228,9 +225,7 @@ def _find_character(desk: Desk) -> tuple[tuple[str, ...], Json] | None:
 def window(desk: Desk, clip: str, first: int, last: int) -> Json:
     """Return the poses of a part of a clip, both frames included."""
     library = desk.ready_library()
-    if clip not in library.names:
-        raise ValueError(f"`clip` must be that of a clip, got {clip!r}")
-    motion = library.clips[library.names.index(clip)]
+    motion = library.clips[find_clip(library, "clip", clip)]
     if not 0 <= first <= last < motion.n_frames or last - first >= _MAX_WINDOW:
         raise ValueError(
             f"`first` and `last` must be within 0 to {motion.n_frames - 1}, at most {_MAX_WINDOW} "
