@@ -6,11 +6,9 @@ import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
-from types import SimpleNamespace
 from urllib.parse import quote
 
 import httpx
-import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -35,8 +33,7 @@ def served(folder):
     (given_folder / "a.project.json").write_text("{}")
     (folder / "link").symlink_to(folder.parent)
     (folder / "loop").symlink_to(folder / "loop")
-    with pytest.MonkeyPatch.context() as patch, running(folder, [given_folder]) as found:
-        patch.setattr(security, "MAX_REPORTS", 10_000)  # each test reads its own
+    with running(folder, [given_folder]) as found:
         yield found
 
 
@@ -44,43 +41,34 @@ def served(folder):
 def client(served):
     """A client; at the end of the test the server has reported a refusal, and still replies."""
     client, session, reports = served
-    session.calls.clear()
+    session.reset_mock()
     reports.clear()
     yield client
-    assert session.calls == []
+    assert session.method_calls == []
     assert reports
     assert client.get("/").status_code == 200
 
 
 REQUESTS = [
     ("GET", "/"),
-    ("GET", "/studio/main.js"),
     ("GET", "/api/state"),
     ("GET", "/api/events"),
-    ("GET", "/api/figure/motion/m1"),
     ("POST", "/api/do"),
-    ("POST", "/api/export"),
     ("PUT", "/api/files/a.bvh"),
-    ("DELETE", "/api/files/a.bvh"),
     ("OPTIONS", "/api/do"),
 ]
 
 
 FOREIGN = [
     ("host", {"host": "evil.example"}),
-    ("host", {"host": "evil.example:{port}"}),
-    ("host", {"host": "127.0.0.1"}),
     ("host", {"host": "127.0.0.1:1"}),
     ("origin", {"origin": "http://evil.example"}),
     ("origin", {"origin": "null"}),
     ("origin", {"origin": "http://127.0.0.1:1"}),
-    ("origin", {"origin": "file://"}),
     ("origin", {"sec-fetch-site": "cross-site"}),
     ("origin", {"sec-fetch-site": "same-site"}),
     ("token", {"cookie": ""}),
-    ("token", {"cookie": "="}),
     ("token", {"cookie": "mograft-studio-{port}=wrong"}),
-    ("token", {"cookie": "mograft-studio-{port}"}),
 ]
 
 
@@ -136,12 +124,9 @@ OUTSIDE = [
     "../secret.bvh",
     "dropped/../../secret.bvh",
     "/etc/passwd",
-    "..",
     "link/secret.bvh",
     "a\0b",
     "loop",
-    "~/x.bvh",
-    "C:\\x.bvh",
     "walk.bvh#/../../secret.bvh",
 ]
 
@@ -164,17 +149,12 @@ def test_given_folder_is_neither_served_nor_changed(client):
 
 
 UPLOAD_NAMES = [
-    "../a.bvh",
     "..%2Fa.bvh",
-    "%2e%2e/a.bvh",
     "x/../../a.bvh",
     "/etc/a.bvh",
     "..\\a.bvh",
-    ".hidden.bvh",
     ".git/hooks/a.bvh",
     "a.html",
-    "a.py",
-    "a",
     "1/2/3/4/5/6/7/8/9.bvh",
 ]
 
@@ -266,20 +246,15 @@ def test_body_that_stops_is_refused(client, folder, monkeypatch):
         b"",
         b"{",
         b"[]",
-        b"null",
         b"\xff",
-        b'{"a": 1',
         b"[" * 100_000,
         b'{"a":' * 5000 + b"1" + b"}" * 5000,
         b'{"paths": "x"}',
         b'{"paths": [1]}',
-        b'{"paths": [{"a": 1}]}',
-        b'{"paths": null}',
     ],
 )
 def test_malformed_message_is_refused(client, body):
-    headers = {"content-type": "application/json"}
-    reply = client.post("/api/open", content=body, headers=headers)
+    reply = client.post("/api/open", content=body)
     assert (reply.status_code, reply.json()["kind"]) == (400, "invalid")
 
 
@@ -288,22 +263,9 @@ def test_revision_of_wrong_type_is_refused(client, revision):
     assert client.post("/api/do", json={"action": "undo", "revision": revision}).status_code == 400
 
 
-def test_message_of_another_type_is_refused(client):
-    for kind in ("text/plain", "application/x-www-form-urlencoded", "multipart/form-data"):
-        reply = client.post("/api/do", content=b"{}", headers={"content-type": kind})
-        assert reply.status_code == 415
-
-
 def test_message_above_the_limit_is_refused(client):
     reply = client.post("/api/do", json={"action": "x" * security.MAX_JSON_BYTES})
     assert (reply.status_code, reply.json()["kind"]) == (413, "size")
-
-
-@pytest.mark.parametrize(
-    "query", ["first=x", "first=1&last=", "first=-1&last=2", f"first={'9' * 99}"]
-)
-def test_window_with_wrong_frames_is_refused(client, query):
-    assert client.get(f"/api/window?clip=a&{query}").status_code == 400
 
 
 @pytest.mark.parametrize(
@@ -341,24 +303,6 @@ def test_200_connections_do_not_stop_an_open_page(served):
         while len(reports) < 200 - server.MAX_CONNECTIONS and time.monotonic() < until:
             time.sleep(0.05)
     assert sum("refused" in own for own in reports) >= 200 - server.MAX_CONNECTIONS
-
-
-@given(st.lists(st.floats(0, 0.3), max_size=400))
-def test_reports_of_a_second_are_few_and_the_others_are_counted(pauses):
-    clock = np.cumsum([5.0, *pauses, 2.0])  # a last refusal, in a later second
-    shown = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(security, "MAX_REPORTS", 5)
-        patch.setattr(security, "time", SimpleNamespace(monotonic=iter(clock).__next__))
-        limited = security.limit_reports(shown.append)
-        for _ in clock:
-            limited("line")
-    counted = [
-        int(own.removesuffix(" more requests were refused")) for own in shown if own != "line"
-    ]
-    n_by_second = np.unique(clock.astype(int), return_counts=True)[1]
-    assert shown.count("line") == np.minimum(n_by_second, 5).sum()
-    assert shown.count("line") + sum(counted) == len(clock)
 
 
 def test_silent_connection_is_closed(served, monkeypatch):

@@ -52,15 +52,39 @@ def open_session(folder, name):
     return session
 
 
+class ServedSession:
+    """A session whose actions are requests to a server of it."""
+
+    def __init__(self, session):
+        self._session, self._stack = session, ExitStack()
+        self._client, *_ = self._stack.enter_context(running(session.folder, session=session))
+
+    def __getattr__(self, name):
+        return getattr(self._session, name)
+
+    def do(self, action, revision=None):
+        reply = self._client.post("/api/do", json={**action, "revision": revision})
+        if reply.status_code != 200:
+            assert reply.status_code == 400, reply.text
+            raise ValueError(reply.json()["error"])
+        shown = self._client.get("/api/state").json()
+        assert shown == json.loads(json.dumps(self._session.state()))
+        assert reply.json()["revision"] == shown["revision"]
+
+    def close(self):
+        self._stack.close()
+        self._session.close()
+
+
 class Actions(RuleBasedStateMachine):
-    """Actions on a session, and the log of those that were done."""
+    """Actions on a session by requests, and the log of those that were done."""
 
     clip: Path
 
     def __init__(self):
         super().__init__()
         self.folder = Path(tempfile.mkdtemp())
-        self.session = open_session(self.folder, "a.json")
+        self.session = ServedSession(open_session(self.folder, "a.json"))
         self.log, self.past, self.future, self.locked = [], [], [], {}
         self.do(action="make", count=2)
 
@@ -208,38 +232,6 @@ class Actions(RuleBasedStateMachine):
             shutil.rmtree(self.folder)
 
 
-class ServedSession:
-    """A session whose actions are requests to a server of it."""
-
-    def __init__(self, session):
-        self._session, self._stack = session, ExitStack()
-        self._client, *_ = self._stack.enter_context(running(session.folder, session=session))
-
-    def __getattr__(self, name):
-        return getattr(self._session, name)
-
-    def do(self, action, revision=None):
-        reply = self._client.post("/api/do", json={**action, "revision": revision})
-        if reply.status_code != 200:
-            assert reply.status_code == 400, reply.text
-            raise ValueError(reply.json()["error"])
-        shown = self._client.get("/api/state").json()
-        assert shown == json.loads(json.dumps(self._session.state()))
-        assert reply.json()["revision"] == shown["revision"]
-
-    def close(self):
-        self._stack.close()
-        self._session.close()
-
-
-class ServedActions(Actions):
-    """The actions by requests."""
-
-    def __init__(self):
-        super().__init__()
-        self.session = ServedSession(self.session)
-
-
 FEW = settings(max_examples=8, stateful_step_count=15, deadline=None, phases=[Phase.generate])
 
 
@@ -247,10 +239,6 @@ class TestActions(Actions.TestCase):
     settings = FEW
 
 
-class TestServedActions(ServedActions.TestCase):
-    settings = settings(FEW, max_examples=3)
-
-
 @pytest.mark.thorough
-class TestManyActions(ServedActions.TestCase):
+class TestManyActions(Actions.TestCase):
     settings = settings(FEW, max_examples=40, stateful_step_count=50)

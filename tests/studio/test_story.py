@@ -10,12 +10,10 @@ from mograft.cli import main
 from mograft.dancer import dance
 from tests import clients
 from tests.io.recorded_files import DATA
-from tests.studio.story import studio
+from tests.studio.story import AVOIDS, LISTED, studio
 
 pytestmark = pytest.mark.browser
 
-LISTED = "table.donors tbody:not([aria-busy])"  # the donors of the selection itself
-AVOIDS = "motion.constraints.some(({ record }) => record.kind === 'Avoid')"
 SOURCES = ["kaykit_Knight.glb", "dance.bvh"]
 
 
@@ -58,60 +56,10 @@ def check_export(person, folder):
         assert record["name"] == kept["name"]
 
 
-def check_played(page, lock):
-    """Check that the frames played are those of a lock."""
-    for _ in range(5):
-        page.wait_for_timeout(150)
-        frame = int(page.get_by_label("frame", exact=True).input_value())
-        assert lock["first"] <= frame <= lock["last"]
-
-
 def test_story_by_pointer_exports_what_the_command_makes(browser, source, tmp_path):
-    path, base = source
-    folder = tmp_path / "session"
-    with studio(browser, folder) as person:
-        page = person.page
-        person.drop(path)
-        page.get_by_role("tab", name="New motions").click()
-        page.get_by_role("combobox", name="base motion", exact=True).first.select_option(base)
-        person.button("Make 12 motions").click()
-        state = person.until("state.motions.length >= 12 && !state.jobs.length")
-        assert len({own["hash"] for own in state["motions"]}) == 12
-
-        page.locator(".card .preview").nth(1).click()
-        person.blocks("upper").nth(2).click()
-        row = page.locator(f"{LISTED} tr", has=page.locator("button:enabled", has_text="Use"))
-        old = person.state()["motions"][1]["hash"]
-        row.first.hover()
-        row.first.get_by_role("button", name="Use").click()
-        person.until_second(f"motion.hash !== '{old}'")
-        person.button("Lock").click()
-        (lock,) = person.until_second("motion.locks.length")["locks"]
-        assert lock["group"] == "upper"
-
-        page.get_by_role("tab", name="Obstacles, targets").click()
-        page.get_by_role("combobox", name="new", exact=True).select_option("Sphere to avoid")
-        person.button("Add").click()
-        motion = person.until_second(AVOIDS)
-        radius = motion["constraints"][-1]["record"]["obstacle"]["radius"]
-        page.get_by_role("spinbutton", name="radius").fill(str(radius / 2))
-        page.keyboard.press("Tab")
-        is_smaller = f"motion.constraints.at(-1).record.obstacle.radius < {radius * 0.6}"
-        assert person.until_second(is_smaller)["locks"] == [lock]
-
-        page.keyboard.press("Escape")
-        person.blocks("upper").nth(2).click()
-        person.button("Repeat selection").click()
-        person.button("Play").click()
-        check_played(page, lock)
-        person.button("Pause").click()
-
-        page.locator(".card").nth(1).get_by_label("Keep").check()
-        person.until_second("motion.isKept")
-        person.button("Export 1 motion…").click()
-        person.button("Export").click()
-        page.locator(".dialog .result bdi").wait_for()
-        check_export(person, folder)
+    with studio(browser, tmp_path / "session") as person:
+        person.play_story(*source)
+        check_export(person, tmp_path / "session")
 
 
 def test_story_by_keyboard_alone_exports_what_the_command_makes(browser, source, tmp_path):
@@ -147,7 +95,7 @@ def test_story_by_keyboard_alone_exports_what_the_command_makes(browser, source,
         (lock,) = person.until_second("motion.locks.length")["locks"]
         person.press(person.button("Repeat selection"))
         person.press(person.button("Play"))
-        check_played(page, lock)
+        person.check_played(lock)
         person.press(person.button("Pause"))
 
         person.tab_to(page.get_by_role("tab", name="Selected part"))
@@ -188,7 +136,7 @@ AXE = """async () => (await axe.run({ resultTypes: ["violations"] })).violations
 def test_every_state_fits_its_width_names_its_controls_and_has_no_serious_fault_of_axe(
     browser, tmp_path, theme, width
 ):
-    mg.write(dance(seed=3, strides=2).motion[:200], tmp_path / "dance.bvh")
+    mg.write(dance(seed=3, strides=4).motion[:600], tmp_path / "dance.bvh")
     with studio(browser, tmp_path / "session", (width, 800), theme) as person:
         page = person.page
         checks = [NAMELESS, WORDLESS]
@@ -207,27 +155,11 @@ def test_every_state_fits_its_width_names_its_controls_and_has_no_serious_fault_
         person.button("Open files…").first.click()
         look("open")
         page.keyboard.press("Escape")
-        person.drop(tmp_path / "dance.bvh")
-        look("clips")
-        page.get_by_role("tab", name="Along a path").click()
-        look("scenario")
-        page.get_by_role("tab", name="New motions").click()
-        person.button("Make 12 motions").click()
-        person.until("state.motions.length >= 2 && !state.jobs.length")
-        look("motions")
-        page.locator(".card .preview").nth(1).click()
-        person.blocks("upper").nth(1).click()
-        page.locator("table.donors tbody tr").first.wait_for()
-        person.button("Lock").click()
-        person.until_second("motion.locks.length")
-        look("segment")
-        page.get_by_role("tab", name="Obstacles, targets").click()
-        person.button("Add").click()
-        person.until_second("motion.constraints.length")
-        look("constraints")
-        person.button("Export this motion…").click()
-        look("export")
+        person.play_story(tmp_path / "dance.bvh", "dance", look)
         page.keyboard.press("Escape")
+        for tab in ("Captured clips", "Along a path"):
+            page.get_by_role("tab", name=tab).click()
+            look(tab)
         person.button("Help").click()
         look("keys")
     if AXE not in checks:
