@@ -26,7 +26,9 @@ from mograft import (
 )
 from mograft.analysis.embedding import Samples
 from mograft.library.files import array_files, storage, stored_clips
+from mograft.library.files.stored_clips import JoinedSamples
 from mograft.motion import limits
+from tests.fingerprint import fingerprint
 from tests.library.checks import assert_same_libraries, list_files
 from tests.strategies import few_examples, motions
 
@@ -78,33 +80,31 @@ def test_save_any_number_of_blas_threads_writes_the_same_files(tmp_path):
     assert files[2] == files[0]
 
 
-@given(st.lists(st.integers(0, 31), max_size=9))
-def test_stored_samples_are_rows_of_the_files_in_any_chunks(stored_library, indices):
+@given(st.lists(st.integers(0, 35), max_size=9), st.booleans())
+def test_joined_samples_are_rows_of_their_arrays_in_any_chunks(stored_library, indices, in_memory):
     whole = np.concatenate([chunk.rows for chunk in stored_library.samples.chunks()])
     ranges = np.array([(0, 5, 20), (0, 0, 3), (0, 40, 9)])
-    samples = replace(stored_library.samples, ranges=ranges)
+    known = replace(stored_library.samples, ranges=ranges)
     rows = np.concatenate([whole[first : first + n] for _, first, n in ranges])
+    if in_memory:
+        known = Samples(rows, known.n_samples, known.n_joints)
+    samples = JoinedSamples.append(known, Samples(rows[:4] + 1, known.n_samples, known.n_joints))
+    rows = np.concatenate([rows, rows[:4] + 1])
     with patch.object(stored_clips, "CHUNK", 7):
         chunks = [chunk.rows for chunk in samples.chunks()]
-    assert [len(chunk) for chunk in chunks] == [7, 7, 7, 7, 4]
+    assert [len(chunk) for chunk in chunks] == [7, 7, 7, 7, 7, 1]
     np.testing.assert_array_equal(np.concatenate(chunks), rows)
     indices = np.array(indices, int)
     np.testing.assert_array_equal(samples.select(indices).rows, rows[indices])
-    appended = stored_clips.ExtendedSamples(samples, Samples(rows[:4] + 1, 10, samples.n_joints))
-    expected = np.concatenate([rows, rows[:4] + 1])
-    further = np.concatenate([indices + 4, indices])
-    assert len(appended) == 36
-    np.testing.assert_array_equal(appended.select(further).rows, expected[further])
-    found = np.concatenate([chunk.rows for chunk in appended.chunks()])
-    np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/smaps"), reason="needs /proc/self/smaps")
-def test_clips_that_were_read_leave_no_pages(stored_library, tmp_path):
+@pytest.mark.parametrize("stem", ["frames", "samples"])
+def test_clips_and_samples_that_were_read_leave_no_pages(stored_library, tmp_path, stem):
     # No other library has opened this copy.
     library = mg.Library.open(shutil.copytree(stored_library.folder, tmp_path / "own"))
-    clips = [library.clips[index].rotations for index in range(len(library.clips))]
-    (name,) = library.folder.rglob("frames-*.npy")
+    clips, samples = [own.rotations for own in library.clips], list(library.samples.chunks())
+    (name,) = library.folder.rglob(f"{stem}-*.npy")
     with open("/proc/self/smaps") as stream:
         blocks = stream.read().split(f"{name}\n")[1:]
     sizes = [int(own.split("Rss:")[1].split()[0]) for own in blocks]
@@ -112,6 +112,7 @@ def test_clips_that_were_read_leave_no_pages(stored_library, tmp_path):
     assert sum(sizes) == 0
     again = mg.Library.open(stored_library.folder)
     assert all(np.array_equal(own, again.clips[k].rotations) for k, own in enumerate(clips))
+    assert fingerprint(samples) == fingerprint(list(again.samples.chunks()))
 
 
 def test_arrays_are_valid_npy_files(small_library):

@@ -17,7 +17,7 @@ from mograft.body.contacts import find_legs
 from mograft.body.groups import JointGroups, suggest_groups
 from mograft.config import Config
 from mograft.library.clip_table import ClipInfo
-from mograft.library.files.stored_clips import ExtendedSamples, StoredSamples
+from mograft.library.files.stored_clips import JoinedSamples
 from mograft.library.segment_balance import LibraryBalance
 from mograft.library.spec import LibrarySpec
 from mograft.motion.motion import Motion
@@ -65,7 +65,7 @@ class LibraryData:
     labels: Mapping[str, IntArray]
     sigma: Mapping[str, float]
     boundary_states: Mapping[str, Mapping[str, FloatArray]]
-    samples: Samples | StoredSamples | ExtendedSamples
+    samples: Samples | JoinedSamples
     refused: Mapping[str, str]
     folder: Path | None
 

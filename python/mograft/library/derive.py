@@ -17,7 +17,7 @@ from mograft.errors import SkeletonMismatchError, join_names, suggest_name, sugg
 from mograft.library import clusters
 from mograft.library.clip_table import ClipInfo
 from mograft.library.data import LibraryData
-from mograft.library.files.stored_clips import ExtendedClips, ExtendedSamples
+from mograft.library.files.stored_clips import ExtendedClips, JoinedSamples
 from mograft.library.spec import rates_match
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -230,7 +230,7 @@ class DerivableLibrary(LibraryData):
             entries=(*self.entries, ClipInfo.from_motion(motion)),
             segments=Segments.concatenate([self.segments, appended]),
             is_donor=np.concatenate([self.is_donor, np.zeros(n, bool)]),
-            samples=ExtendedSamples(self.samples, samples),
+            samples=JoinedSamples.append(self.samples, samples),
             embedding=embedding,
             labels=labels,
             boundary_states=clusters.join_boundary_states(

@@ -54,7 +54,7 @@ class Library(DerivableLibrary):
     boundary_states : dict of str to dict of str to ndarray
         For each group the poses and velocities of its joints in the first and last frame of
         each segment, as in `BoundaryStates`.
-    samples : Samples, StoredSamples or ExtendedSamples
+    samples : Samples or JoinedSamples
         The resampled segments from which features are computed.
     refused : dict of str to str
         The reason for each file or clip that was left out, by address.

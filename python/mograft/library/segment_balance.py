@@ -16,7 +16,7 @@ from mograft.analysis.zero_moment import (
 )
 from mograft.body.contacts import Ground
 from mograft.config import Config
-from mograft.library.files.stored_clips import ExtendedSamples, StoredSamples
+from mograft.library.files.stored_clips import JoinedSamples
 from mograft.library.spec import LibrarySpec
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
@@ -34,7 +34,7 @@ class LibraryBalance:
 
     clips: Sequence[Motion]
     segments: Segments
-    samples: Samples | StoredSamples | ExtendedSamples
+    samples: Samples | JoinedSamples
     spec: LibrarySpec
     config: Config
     # By the joints of a group: offsets, shape (n_segments, n_samples, 2), and which are computed.

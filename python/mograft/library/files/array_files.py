@@ -1,7 +1,6 @@
 """Files of a library: .npy files with a header of fixed length, and their damage."""
 
 import contextlib
-import errno
 import hashlib
 import io
 import json
@@ -10,7 +9,6 @@ import mmap
 import os
 import re
 import sqlite3
-import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -55,53 +53,11 @@ def map_array(path: Path) -> npt.NDArray[Any]:
 def release_pages(array: npt.NDArray[Any]) -> None:
     """Remove what was read of a mapped array from the memory of the process, but not of the system.
 
-    Otherwise each clip that was read counts as memory of the process until it ends.
+    Otherwise everything that was read counts as memory of the process until it ends. Arrays that
+    are not mapped stay as they are.
     """
     if isinstance(array.base, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
         array.base.madvise(mmap.MADV_DONTNEED)
-
-
-def _close(handle: int) -> None:
-    """Close a file that was read; Python would print the traceback of an error in a finalizer."""
-    with contextlib.suppress(OSError):
-        os.close(handle)
-
-
-class RowFile:
-    """Rows of an array file that `ArrayWriter` wrote, read when they are needed.
-
-    On POSIX the file stays open, so that its rows can be read after another process removed it. On
-    Windows it is opened for each read, because an open file cannot be removed there. Each read
-    states its position, so that threads and forked processes can share the file.
-    """
-
-    def __init__(self, path: Path, dtype: str, width: int) -> None:
-        self._path, self._dtype, self.width = path, np.dtype(dtype), width
-        self._handle: int | None = None
-        if os.name == "posix":
-            self._handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-            weakref.finalize(self, _close, self._handle)
-
-    def __reduce__(self) -> tuple[type["RowFile"], tuple[Path, str, int]]:
-        return RowFile, (self._path, self._dtype.str, self.width)
-
-    def read(self, first: int, n: int) -> npt.NDArray[Any]:
-        """Return `n` rows from row `first` on, shape (n, width).
-
-        Raise OSError if the file has fewer.
-        """
-        n_bytes = n * self.width * self._dtype.itemsize
-        start = HEADER_BYTES + first * self.width * self._dtype.itemsize
-        data = bytearray(n_bytes)  # writable, as other arrays
-        if self._handle is not None:
-            count = os.preadv(self._handle, [data], start)
-        else:
-            with self._path.open("rb") as stream:
-                stream.seek(start)
-                count = stream.readinto(data)
-        if count < n_bytes:
-            raise OSError(errno.EIO, "is shorter than its header states", str(self._path))
-        return np.frombuffer(data, self._dtype).reshape(n, self.width)
 
 
 class ArrayWriter:

@@ -34,6 +34,7 @@ from mograft.library.files.array_files import (
     ArrayWriter,
     hash_files,
     manifest_checksum,
+    map_array,
 )
 from mograft.library.ingest import IngestedClip
 from mograft.library.ingest_run import check_storable
@@ -141,14 +142,14 @@ class GenerationWriter:
 
     def samples(
         self, ranges: IntArray, n_samples: int, n_joints: int
-    ) -> stored_clips.StoredSamples:
+    ) -> stored_clips.JoinedSamples:
         """Close the new shard and return the samples of all shards.
 
         No clip may be written afterwards. The arguments are fields of the result.
         """
         self._close("frames-", "samples-")
-        paths = [self.folder / f"samples-{shard}.npy" for shard in self.shards]
-        return stored_clips.StoredSamples.from_paths(paths, ranges, n_samples, n_joints)
+        arrays = [map_array(self.folder / f"samples-{shard}.npy") for shard in self.shards]
+        return stored_clips.JoinedSamples(tuple(arrays), ranges, n_samples, n_joints)
 
     def _close(self, *starts: str) -> None:
         """Complete the arrays whose names begin with any of `starts`."""

@@ -31,7 +31,7 @@ from mograft.library.files.array_files import (
     manifest_checksum,
     map_array,
 )
-from mograft.library.files.stored_clips import StoredClips, StoredSamples
+from mograft.library.files.stored_clips import JoinedSamples, StoredClips
 from mograft.library.spec import LibrarySpec
 from mograft.motion.segments import Segments
 
@@ -56,8 +56,7 @@ class StoredLibrary:
     folder: Path
     manifest: dict[str, Any]
     table: ClipTable
-    arrays: dict[str, npt.NDArray[Any]]  # all but ``samples``, by path in the generation, mapped
-    samples: StoredSamples  # of all segments; their files are open
+    arrays: dict[str, npt.NDArray[Any]]  # by path in the generation, memory-mapped
 
 
 def read(folder: Path) -> StoredLibrary:
@@ -128,19 +127,12 @@ def _read_generation(folder: Path, manifest: dict[str, Any]) -> StoredLibrary:
         if size != expected["bytes"]:
             raise damage(folder, f"{name} has {size} bytes, expected {expected['bytes']}")
     for name in manifest["files"]:
-        key = name.removeprefix(prefix).removesuffix(".npy")
-        if name.endswith(".npy") and not key.startswith("samples-"):
+        if name.endswith(".npy"):
             with damage_raises_library_error(folder, name):
-                arrays[key] = map_array(folder / name)
+                arrays[name.removeprefix(prefix).removesuffix(".npy")] = map_array(folder / name)
     with damage_raises_library_error(folder, DATABASE):
         table = read_clip_table(folder / prefix / DATABASE)
-        counts = np.bincount(arrays["clips"], minlength=len(table.locations))
-        firsts = [(location.shard, location.first_row) for location in table.locations]
-        ranges = np.column_stack([firsts, counts])
-    paths = [folder / prefix / f"samples-{name}.npy" for name in manifest["shards"]]
-    n_samples, n_joints = manifest["config"]["samples"], len(manifest["skeleton"]["names"])
-    samples = StoredSamples.from_paths(paths, ranges, n_samples, n_joints)
-    return StoredLibrary(folder, manifest, table, arrays, samples)
+    return StoredLibrary(folder, manifest, table, arrays)
 
 
 def load_library(library_type: type[L], stored: StoredLibrary) -> L:
@@ -169,7 +161,12 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
             states[group] = own
         if (missing := set(groups.names) - labels.keys()) or isinstance(manifest["rate"], bool):
             raise ValueError(f"no data of the groups {missing}" if missing else "no rate")
-        frames = [arrays[f"frames-{shard}"] for shard in manifest["shards"]]
+        frames, rows = (
+            tuple(arrays[f"{stem}-{shard}"] for shard in manifest["shards"])
+            for stem in ("frames", "samples")
+        )
+        counts = np.bincount(arrays["clips"], minlength=len(stored.table.locations))
+        firsts = [(location.shard, location.first_row) for location in stored.table.locations]
         spec = LibrarySpec(
             skeleton=skeleton_from_json(manifest["skeleton"]),
             rate=float(manifest["rate"]),
@@ -178,19 +175,22 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
             match=manifest["match"],
             rest=None if manifest["rest"] is None else skeleton_from_json(manifest["rest"]),
         )
+        config = Config.from_dict(manifest["config"])
         library = library_type(
             clips=StoredClips(stored.table, frames, spec, stored.folder),
             entries=stored.table.entries,
             segments=_read_segments(arrays, stored.table),
             is_donor=arrays["donors"],
             groups=groups,
-            config=Config.from_dict(manifest["config"]),
+            config=config,
             spec=spec,
             embedding=embedding,
             labels=labels,
             sigma={group: float(about["sigma"]) for group, about in manifest["group"].items()},
             boundary_states=states,
-            samples=stored.samples,
+            samples=JoinedSamples(
+                rows, np.column_stack([firsts, counts]), config.samples, spec.skeleton.n_joints
+            ),
             refused=stored.table.refused,
             folder=stored.folder,
         )

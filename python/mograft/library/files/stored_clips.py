@@ -1,18 +1,17 @@
 """Clips and samples that are read from the files of a library when they are needed."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import FloatArray, IntArray, Packed
 from mograft._util.containers import LazySequence, SizedCache
 from mograft.analysis.embedding import CHUNK, Samples
 from mograft.io.bvh.reader import channels_to_transforms
 from mograft.library.clip_table import ClipTable, PackedContent
-from mograft.library.files.array_files import RowFile, damage_raises_library_error, release_pages
+from mograft.library.files.array_files import damage_raises_library_error, release_pages
 from mograft.library.spec import LibrarySpec
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
@@ -151,15 +150,11 @@ class ExtendedClips(LazySequence[Motion]):
 
 
 @dataclass(frozen=True, eq=False)
-class StoredSamples:
-    """Samples of all segments, in the order of the library, read from files when they are needed.
+class JoinedSamples:
+    """Samples of all segments of a library, from several arrays: files, and an appended clip."""
 
-    The files are not memory-mapped, because mapped pages that were read would count as memory of
-    the process until it ends.
-    """
-
-    files: tuple[RowFile, ...]  # the ``samples`` files, one per shard
-    # For each clip its shard, first row and number of rows, in the order of the library.
+    arrays: tuple[Packed, ...]  # rows of `Samples`, memory-mapped or in memory
+    # For each clip its array, first row and number of rows, in the order of the library.
     ranges: IntArray
     n_samples: int  # per segment
     n_joints: int
@@ -168,55 +163,29 @@ class StoredSamples:
         return int(self.ranges[:, 2].sum())
 
     @classmethod
-    def from_paths(
-        cls, paths: Iterable[Path], ranges: IntArray, n_samples: int, n_joints: int
-    ) -> "StoredSamples":
-        """Open the files `paths`, and return their samples."""
-        width = n_samples * (4 * n_joints + 3) + 1
-        files = tuple(RowFile(path, "<f4", width) for path in paths)
-        return cls(files, ranges, n_samples, n_joints)
+    def append(cls, known: "Samples | JoinedSamples", new: Samples) -> "JoinedSamples":
+        """Return samples followed by those of one more clip; nothing is copied."""
+        if isinstance(known, Samples):
+            known = cls(
+                (known.pack(),), np.array([[0, 0, len(known)]]), new.n_samples, new.n_joints
+            )
+        ranges = np.concatenate([known.ranges, [[len(known.arrays), 0, len(new)]]])
+        return replace(known, arrays=(*known.arrays, new.pack()), ranges=ranges)
 
     def select(self, indices: IntArray) -> Samples:
         """Return the samples of some segments, in the order of `indices`."""
         stops = self.ranges[:, 2].cumsum()
         clips = np.searchsorted(stops, indices, side="right")
-        shards, firsts, counts = self.ranges[clips].T
+        sources, firsts, counts = self.ranges[clips].T
         rows = firsts + indices - (stops[clips] - counts)
-        # Consecutive rows of a file are read together.
-        is_next = (np.diff(rows) == 1) & (np.diff(shards) == 0)
-        bounds = [0, *(1 + np.flatnonzero(~is_next)).tolist(), len(rows)] if len(rows) else []
-        parts = [
-            self.files[shards[start]].read(int(rows[start]), stop - start)
-            for start, stop in pairwise(bounds)
-        ] or [np.empty((0, self.files[0].width), np.float32)]
-        joined = parts[0] if len(parts) == 1 else np.concatenate(parts)
-        return Samples(joined, self.n_samples, self.n_joints)
+        found = np.empty((len(indices), self.arrays[0].shape[1]), np.float32)
+        for number in np.unique(sources).tolist():
+            own = sources == number
+            found[own] = self.arrays[number][rows[own]]
+            release_pages(self.arrays[number])
+        return Samples(found, self.n_samples, self.n_joints)
 
     def chunks(self) -> Iterator[Samples]:
-        """Yield the samples of `CHUNK` segments at a time, also if several files hold them."""
+        """Yield the samples of `CHUNK` segments at a time, also if several arrays hold them."""
         for start in range(0, len(self), CHUNK):
             yield self.select(np.arange(start, min(start + CHUNK, len(self))))
-
-
-@dataclass(frozen=True)
-class ExtendedSamples:
-    """The samples of a library, followed by the samples of one more clip."""
-
-    known: "Samples | StoredSamples | ExtendedSamples"
-    appended: Samples
-
-    def __len__(self) -> int:
-        return len(self.known) + len(self.appended)
-
-    def select(self, indices: IntArray) -> Samples:
-        """Return the samples of some segments, in the order of `indices`."""
-        is_known = indices < len(self.known)
-        rows = np.empty((len(indices), self.appended.rows.shape[1]), np.float32)
-        rows[is_known] = self.known.select(indices[is_known]).rows
-        rows[~is_known] = self.appended.select(indices[~is_known] - len(self.known)).rows
-        return replace(self.appended, rows=rows)
-
-    def chunks(self) -> Iterator[Samples]:
-        """Yield the samples of at most `CHUNK` segments at a time."""
-        yield from self.known.chunks()
-        yield from self.appended.chunks()
