@@ -14,6 +14,10 @@ class Rule:
 
 
 EXPECTED: tuple[Rule, ...] = (
+    *(
+        Rule("*", file, "segments and labels of libraries are in arrays alone, not in the database")
+        for file in ("*/catalog.sqlite", "*.mograft/manifest.json")
+    ),
     Rule(
         "*",
         "*.json",

@@ -1,4 +1,4 @@
-"""The SQLite database of a library: clips, skeletons, segments and labels."""
+"""The SQLite database of a library: clips, skeletons and refused files."""
 
 import contextlib
 import json
@@ -12,13 +12,11 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, IntArray
 from mograft.body.mass import up_axis
 from mograft.errors import LibraryError
 from mograft.library.discover import SourceFile, relative_path
 from mograft.motion.hinges import Hinges
 from mograft.motion.motion import Motion
-from mograft.motion.segments import Segments
 from mograft.motion.skeleton import EndSite, Skeleton
 
 PackedContent: TypeAlias = Literal["channels", "poses", "both"]
@@ -100,15 +98,6 @@ CREATE TABLE clip (
     repairs TEXT NOT NULL, skeleton INTEGER NOT NULL REFERENCES skeleton
 );
 CREATE TABLE refused (path TEXT, reason TEXT NOT NULL);
-CREATE TABLE segment (
-    id INTEGER PRIMARY KEY, clip INTEGER NOT NULL REFERENCES clip,
-    start INTEGER NOT NULL, stop INTEGER NOT NULL, is_donor INTEGER NOT NULL
-);
-CREATE TABLE label (
-    joint_group TEXT NOT NULL, cluster INTEGER NOT NULL,
-    segment INTEGER NOT NULL REFERENCES segment,
-    PRIMARY KEY (joint_group, cluster, segment)
-) WITHOUT ROWID;
 """
 
 
@@ -125,21 +114,12 @@ _COLUMN_OF_FIELD = {
 """Columns whose names differ from the fields that they hold."""
 
 
-def write_clip_table(
-    path: Path,
-    folder: Path,
-    table: ClipTable,
-    segments: Segments,
-    is_donor: BoolArray,
-    labels: Mapping[str, IntArray],
-) -> None:
+def write_clip_table(path: Path, folder: Path, table: ClipTable) -> None:
     """Create the database `path` of a library in `folder`, with source paths relative to `folder`.
 
-    `is_donor` states for each segment whether it may be a donor; `labels` holds the cluster of each
-    segment by joint group. Raise LibraryError if the file cannot be written.
+    Raise LibraryError if the file cannot be written.
     """
     clips = zip(table.entries, table.locations, strict=True)
-    ends = (segments.clip, segments.start, segments.stop, is_donor.astype(np.int64))
     skeletons = [json.dumps(skeleton_to_json(skeleton)) for skeleton in table.skeletons]
     rows: dict[str, Iterable[Any]] = {
         "skeleton VALUES (?, ?)": enumerate(skeletons),
@@ -147,14 +127,6 @@ def write_clip_table(
             _clip_row(i, *clip, folder) for i, clip in enumerate(clips)
         ),
         "refused VALUES (?, ?)": table.refused.items(),
-        "segment VALUES (?, ?, ?, ?, ?)": (
-            (i, *row) for i, row in enumerate(np.stack(ends, axis=1).tolist())
-        ),
-        "label VALUES (?, ?, ?)": (
-            (group, int(clusters[i]), i)
-            for group, clusters in labels.items()
-            for i in np.argsort(clusters, kind="stable").tolist()
-        ),
     }
     try:
         with contextlib.closing(sqlite3.connect(path)) as database, database:

@@ -170,8 +170,7 @@ class GenerationWriter:
         """Write the database of a library whose clips were written at `locations`."""
         skeletons = tuple(skeleton for _, skeleton in self._skeletons.values())
         table = ClipTable(library.entries, tuple(locations), skeletons, library.refused)
-        segments, is_donor, labels = library.segments, library.is_donor, library.labels
-        write_clip_table(self.folder / DATABASE, self.final, table, segments, is_donor, labels)
+        write_clip_table(self.folder / DATABASE, self.final, table)
         self._written.append(DATABASE)
 
     def commit(self, metadata: Mapping[str, Any]) -> None:
