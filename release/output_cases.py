@@ -329,7 +329,6 @@ def libraries() -> Iterator[Case]:
             mograft lib info new.mograft --json
             mograft lib verify new.mograft
             mograft lib export new.mograft --format csv -o csv
-            mograft lib export new.mograft --format npz -o table.npz
             mograft lib export new.mograft --format parquet -o parquet
             mograft candidates new.mograft --segment 5 --json
             mograft graft new.mograft -n 2 --report -o out/

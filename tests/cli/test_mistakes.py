@@ -148,7 +148,6 @@ MISTAKES = [
     ("export a.bvh -o x.gif --size 160", USAGE, "must be WIDTHxHEIGHT, such as 720x480, got 160"),
     ("export a.bvh -o x.gif --scale cm", USAGE, "--scale requires .glb, .usd"),
     ("index a.bvh -o x.bvh", USAGE, "-o must be a folder, got x.bvh"),
-    ("lib export lib --format npz -o x", USAGE, "-o must be a file that ends in .npz, got x"),
     ("graft a.bvh -o a.bvh/x", RUNTIME, "a.bvh is a file; expected a folder"),
     ("demo -o text --force", RUNTIME, "text is a file; expected a folder"),
     ("index a.bvh -o lib", RUNTIME, "lib exists; use --force to replace a library"),

@@ -1,44 +1,34 @@
-"""Export the tables of a library to Parquet, CSV or NPZ."""
+"""Export the tables of a library to Parquet or CSV."""
 
 import csv
 import os
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
-from mograft._util.atomic import atomic_path, checked_path, draft_folder, sync
+from mograft._util.atomic import checked_path, draft_folder, sync
 from mograft._util.extras import import_extra
+from mograft._util.validate import check_choice
 from mograft.io.csv import without_formula
 from mograft.library.data import Column, library_tables
 from mograft.library.library import Library
 
 
 def export_tables(
-    library: Library, path: str | PathLike[str], kind: Literal["parquet", "csv", "npz"]
+    library: Library, path: str | PathLike[str], kind: Literal["parquet", "csv"]
 ) -> list[Path]:
     """Write the tables of a library, replacing existing files, and return the paths of the files.
 
-    If `kind` is "npz", `path` is the file, and its arrays are named ``TABLE/COLUMN``. If it is
-    "parquet" or "csv", `path` is a folder that gets one file per table. Texts in CSV that a
-    spreadsheet would read as a formula are prefixed with an apostrophe. Raise ValueError for
-    another `kind`, and ModuleNotFoundError if "parquet" is requested without pyarrow.
+    `path` is a folder that gets one file per table. Texts in CSV that a spreadsheet would read as a
+    formula are prefixed with an apostrophe. Raise ValueError for another `kind`, and
+    ModuleNotFoundError if "parquet" is requested without pyarrow.
     """
-    if kind not in ("parquet", "csv", "npz"):
-        raise ValueError(f"`kind` must be 'parquet', 'csv' or 'npz', got {kind!r}")
+    check_choice("kind", kind, ("parquet", "csv"))
     tables = library_tables(library)
     target = Path(path)
-    if kind == "npz":
-        arrays: dict[str, Any] = {
-            f"{table}/{name}": np.asarray(column)
-            for table, columns in tables.items()
-            for name, column in columns.items()
-        }
-        with atomic_path(target) as draft, draft.open("wb") as stream:
-            np.savez_compressed(stream, **arrays)
-        return [target]
     write = _write_parquet if kind == "parquet" else _write_csv
     with draft_folder(target) as folder:
         draft = folder / target.name

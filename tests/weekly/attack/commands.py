@@ -53,7 +53,6 @@ _EVERY = (
     Command("graft --report", "graft in/a.bvh -o work/g.bvh --report --force"),
     Command("graft --from", "graft --from made/g.json -o work/g.bvh --force"),
     Command("lib export csv", "lib export made/l --format csv -o work/t --force"),
-    Command("lib export npz", "lib export made/l --format npz -o work/t.npz --force"),
     Command("lib export parquet", _PARQUET, needs="pyarrow"),
     Command("demo", "demo -o work/d --force"),
     Command("find", "find in/a.bvh made/l --frames 0-40 -o work/f.html --force"),

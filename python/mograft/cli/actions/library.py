@@ -129,8 +129,7 @@ def run_verify(options: commands.VerifyOptions) -> int:
 
 def run_export(options: commands.TablesOptions) -> int:
     """Run ``lib export``."""
-    suffixes = [".npz"] if options.format == "npz" else []
-    check_suffix(options.output, *suffixes, is_folder=not suffixes)
+    check_suffix(options.output, is_folder=True)
     library = Library.open(options.library)
     check_writable([options.output], force=options.force)
     options.output.parent.mkdir(parents=True, exist_ok=True)

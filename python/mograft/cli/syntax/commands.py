@@ -93,12 +93,8 @@ class LibInfoOptions(StoredOptions):
 class TablesOptions(StoredOptions, options.WriterOptions, section="output"):
     """Write a library as tables, for programs such as DuckDB, Spark or pandas."""
 
-    format: Literal["parquet", "csv", "npz"] = option(
-        "parquet needs mograft[parquet]", is_required=True
-    )
-    output: values.OutputPath = option(
-        "folder for the tables; for npz the file to write", short="-o", is_required=True
-    )
+    format: Literal["parquet", "csv"] = option("parquet needs mograft[parquet]", is_required=True)
+    output: values.OutputPath = option("folder for the tables", short="-o", is_required=True)
 
 
 class StreamOptions(options.LibraryOptions):
