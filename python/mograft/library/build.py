@@ -6,6 +6,7 @@ from typing import TypeVar, Unpack
 
 import numpy as np
 
+from mograft._util.arrays import BoolArray
 from mograft._util.names import automatic_number, is_automatic, unique_names
 from mograft.analysis.embedding import Embedding, Samples
 from mograft.analysis.group_discovery import MAX_CLIPS, GroupDiscovery, discover_in_segments
@@ -15,6 +16,7 @@ from mograft.library import clusters
 from mograft.library.clip_table import ClipInfo
 from mograft.library.data import LibraryData
 from mograft.library.discover import ClipSource
+from mograft.library.files.stored_clips import JoinedSamples
 from mograft.library.ingest import IngestedClip
 from mograft.library.ingest_run import IngestOptions, IngestPlan, ingest_motions, warn_of_clips
 from mograft.library.spec import LibrarySpec
@@ -38,9 +40,9 @@ def build_library(
     groups = choose_groups(plan, result.spec.skeleton, spread_evenly(clips))
     entries = name_clips([clip.info for clip in clips])
     warn_of_clips(entries, result, stacklevel=3)
-    library = assemble(library_type, clips, entries, groups, result.spec, plan.config, plan.report)
+    library = assemble(library_type, clips, entries, groups, result.spec, plan.config)
     refused = {label: str(error) for label, error in result.errors.items()}
-    return replace(library, refused=refused) if refused else library
+    return replace(clusters.compare(library, plan.report), refused=refused)
 
 
 def assemble(
@@ -50,37 +52,57 @@ def assemble(
     groups: JointGroups,
     spec: LibrarySpec,
     config: Config,
-    report: clusters.Progress | None,
 ) -> L:
     """Return a library of ingested clips that hold motions, with the metadata `entries`.
 
-    If `report` is None, the segments are not compared: each forms a cluster by itself.
+    Each segment forms a cluster by itself until `clusters.compare`.
     """
     rows = np.concatenate([clip.samples for clip in clips])
     samples = Samples(rows, config.samples, spec.skeleton.n_joints)
-    if report is None:
-        embedding: dict[str, Embedding | None] = dict.fromkeys(groups.names)
-        labels, sigma = clusters.cluster_groups(embedding, len(samples), config)
-    else:
-        embedding, labels, sigma = clusters.compare_segments(samples, groups, spec, config, report)
-    return library_type(
+    states = [clip.boundary_states for clip in clips]
+    cuts = [(clip.segments, clip.is_donor) for clip in clips]
+    return replace(
+        join_clips(library_type, cuts, entries, samples, groups, spec, config),
         clips=tuple(
             clip.clip if clip.clip.name == info.name else replace(clip.clip, name=info.name)
             for clip, info in zip(clips, entries, strict=True)
             if isinstance(clip.clip, Motion)
         ),
+        boundary_states=clusters.join_boundary_states(states, groups, spec.skeleton),
+    )
+
+
+def join_clips(
+    library_type: type[L],
+    cuts: Sequence[tuple[Segments, BoolArray]],
+    entries: Sequence[ClipInfo],
+    samples: Samples | JoinedSamples,
+    groups: JointGroups,
+    spec: LibrarySpec,
+    config: Config,
+) -> L:
+    """Return a library without motions and boundary states, in which segments are not compared.
+
+    `cuts` has the segments of each clip, and whether each of them may be a donor.
+    """
+    embedding: dict[str, Embedding | None] = dict.fromkeys(groups.names)
+    labels, sigma = clusters.cluster_groups(embedding, len(samples), config)
+    return library_type(
+        clips=(),
         entries=tuple(entries),
-        segments=join_segments([clip.segments for clip in clips]),
-        is_donor=np.concatenate([clip.is_donor for clip in clips]),
+        segments=Segments(
+            np.concatenate([cut.start for cut, _ in cuts]),
+            np.concatenate([cut.stop for cut, _ in cuts]),
+            np.repeat(np.arange(len(cuts)), [len(cut) for cut, _ in cuts]),
+        ),
+        is_donor=np.concatenate([is_donor for _, is_donor in cuts]),
         groups=groups,
         config=config,
         spec=spec,
         embedding=embedding,
         labels=labels,
         sigma=sigma,
-        boundary_states=clusters.join_boundary_states(
-            [clip.boundary_states for clip in clips], groups, spec.skeleton
-        ),
+        boundary_states={},
         samples=samples,
         refused={},
         folder=None,
@@ -91,15 +113,6 @@ def name_clips(entries: Sequence[ClipInfo]) -> tuple[ClipInfo, ...]:
     """Return metadata of clips with unique names, which are made from the names in the sources."""
     names = unique_names([info.source_name for info in entries])
     return tuple(info._replace(name=own) for info, own in zip(entries, names, strict=True))
-
-
-def join_segments(clips: Sequence[Segments]) -> Segments:
-    """Return the segments of several clips, given those of each clip."""
-    return Segments(
-        np.concatenate([own.start for own in clips]),
-        np.concatenate([own.stop for own in clips]),
-        np.repeat(np.arange(len(clips)), [len(own) for own in clips]),
-    )
 
 
 def discover_groups(

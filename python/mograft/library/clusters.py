@@ -1,20 +1,24 @@
 """Embed and cluster the segments of a library, group by group."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
 from mograft._standalone.mograft_linkage import cut, threshold
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.analysis.channel_groups import restrict_samples
-from mograft.analysis.embedding import Embedding, Source, embed, mean_rotations
+from mograft.analysis.embedding import Embedding, embed, mean_rotations
 from mograft.body.anatomy import feature_joints
 from mograft.body.groups import JointGroups
 from mograft.config import Config
-from mograft.library.spec import LibrarySpec
+from mograft.library.data import LibraryData
 from mograft.motion.skeleton import Skeleton
 from mograft.search.neighbourhoods import ClusterMembers
+
+L = TypeVar("L", bound=LibraryData)
 
 Progress = Callable[[str, int, int], None]
 """Called with the name of a stage, the number of items done and of all items."""
@@ -48,27 +52,24 @@ def join_boundary_states(
     return joined
 
 
-def compare_segments(
-    samples: Source, groups: JointGroups, spec: LibrarySpec, config: Config, report: Progress
-) -> tuple[dict[str, Embedding | None], dict[str, IntArray], dict[str, float]]:
-    """Return the results of `embed_groups` and of `cluster_groups` for all segments."""
-    embedding = embed_groups(samples, groups, spec, config, report)
+def compare(library: L, report: Progress) -> L:
+    """Return a library with the embedding and the clusters of all segments."""
+    embedding = embed_groups(library, report)
     report("clustering", 0, 1)
-    labels, sigma = cluster_groups(embedding, len(samples), config)
+    labels, sigma = cluster_groups(embedding, len(library.segments), library.config)
     report("clustering", 1, 1)
-    return embedding, labels, sigma
+    return replace(library, embedding=embedding, labels=labels, sigma=sigma)
 
 
-def embed_groups(
-    samples: Source, groups: JointGroups, spec: LibrarySpec, config: Config, report: Progress
-) -> dict[str, Embedding | None]:
+def embed_groups(library: LibraryData, report: Progress) -> dict[str, Embedding | None]:
     """Return the embedding of the segments for each group; None if they cannot be embedded.
 
     Segments cannot be embedded if there are too few or if they are too similar. `report` is called
     with the progress. Raise ValueError if the root's channels are divided between groups.
     """
-    skeleton, root = spec.skeleton, spec.root
-    members, held = groups.resolve(skeleton), groups.divided_channels(skeleton)
+    samples, config = library.samples, library.config
+    skeleton, root = library.skeleton, library.root
+    members, held = library.groups.resolve(skeleton), library.groups.divided_channels(skeleton)
     report("comparing", 0, len(members))
     means = mean_rotations(samples.chunks())
     embeddings: dict[str, Embedding | None] = {}

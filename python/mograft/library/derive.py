@@ -92,26 +92,21 @@ class DerivableLibrary(LibraryData):
             rows.append(sample_segments(image, cut, self.spec, self.config).pack())
             states.append(boundary_states(image, cut))
         samples = Samples(np.concatenate(rows), self.config.samples, self.skeleton.n_joints)
-        embedding, labels, sigma = clusters.compare_segments(
-            samples, self.groups, self.spec, self.config, lambda *_: None
-        )
         images = replace(self.segments, clip=self.segments.clip + n)
         infos = zip(self.entries + self.entries, names, strict=True)
-        return replace(
+        library = replace(
             self,
             clips=clips,
             entries=tuple(info._replace(name=name) for info, name in infos),
             segments=Segments.concatenate([self.segments, images]),
             is_donor=np.concatenate([self.is_donor, self.is_donor]),
-            embedding=embedding,
-            labels=labels,
-            sigma=sigma,
             boundary_states=clusters.join_boundary_states(
                 states, self.groups, self.skeleton, self.boundary_states
             ),
             samples=samples,
             folder=None,
         )
+        return clusters.compare(library, lambda *_: None)
 
     def resolve_base(self, base: Motion | str | None) -> tuple[Self, int]:
         """Return the library with a base motion among its clips, and the index of the clip.

@@ -14,9 +14,9 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.embedding import CHUNK
 from mograft.errors import MograftError, join_names
 from mograft.io.formats import find_addresses, open_clips, split_address
-from mograft.library.build import choose_groups, join_segments, name_clips, spread_evenly
+from mograft.library.build import choose_groups, join_clips, name_clips, spread_evenly
 from mograft.library.clip_table import ClipInfo, ClipLocation
-from mograft.library.clusters import compare_segments, feature_joints_by_group
+from mograft.library.clusters import compare, feature_joints_by_group
 from mograft.library.data import LibraryData
 from mograft.library.discover import ClipSource, FoundClip, SourceFile, relative_path
 from mograft.library.files.generation import (
@@ -268,8 +268,7 @@ def _complete(
 ) -> None:
     """Embed and cluster the segments of all clips, and commit the generation.
 
-    If no clip is new, the segments are those of `base`, whose embeddings and clusters are used
-    again. Raise ValueError if there is no clip.
+    If no clip is new, only tags differ from those of `base`. Raise ValueError if there is no clip.
     """
     reasons = {label: str(error) for label, error in result.errors.items()}
     if not result.clips:
@@ -281,26 +280,14 @@ def _complete(
     ranges = [(own.location.shard, own.location.first_row, len(own.segments)) for own in clips]
     samples = writer.samples(np.array(ranges), config.samples, spec.skeleton.n_joints)
     warn_of_clips(entries, result, stacklevel=4)
-    if base is not None and not pending and not any(clip.old_row is None for clip in clips):
-        embedding, labels, sigma = base.embedding, base.labels, base.sigma
+    if base is not None and not pending and spec is base.spec:
+        library = replace(base, entries=entries)
     else:
-        embedding, labels, sigma = compare_segments(samples, groups, spec, config, plan.report)
-    library = LibraryData(
-        clips=(),
-        entries=entries,
-        segments=join_segments([clip.segments for clip in clips]),
-        is_donor=np.concatenate([clip.is_donor for clip in clips]),
-        groups=groups,
-        config=config,
-        spec=spec,
-        embedding=embedding,
-        labels=labels,
-        sigma=sigma,
-        boundary_states={},
-        samples=samples,
-        refused=reasons if base is None else {**base.refused, **reasons},
-        folder=None,
-    )
+        cuts = [(clip.segments, clip.is_donor) for clip in clips]
+        library = join_clips(LibraryData, cuts, entries, samples, groups, spec, config)
+        library = compare(library, plan.report)
+    known = {} if base is None else base.refused
+    library = replace(library, refused={**known, **reasons})
     plan.report("writing", 0, 1)
     states = _boundary_parts(writer, base, clips, library)
     commit_library(writer, library, [clip.location for clip in clips], states, plan.rate)

@@ -253,7 +253,7 @@ def build_partial_library(
     )
     ingested = [_ingest(*own, config, spec) for own in zip(clips, addresses, strict=True)]
     entries = [own.info._replace(name=clip.name) for clip, own in zip(clips, ingested, strict=True)]
-    library = assemble(library_type, ingested, entries, groups, spec, config, None)
+    library = assemble(library_type, ingested, entries, groups, spec, config)
     return replace(library, clips=PartialClips(library.clips, clips, origin))
 
 
