@@ -6,7 +6,6 @@ import hashlib
 import itertools
 import json
 import os
-import pickle
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -51,15 +50,15 @@ def small_shards(monkeypatch):
 @pytest.mark.parametrize("format_", list(shards.FORMATS))
 def test_executors_give_the_same_bytes(windows, tmp_path, format_):
     if format_ in ("parquet", "lerobot"):
-        pytest.importorskip("pyarrow", reason="pyarrow is not installed")
-    datasets.write(windows, tmp_path / "one", 12, format=format_)
-    with worker_processes(2) as executor:
-        datasets.write(windows, tmp_path / "two", 12, format=format_, executor=executor)
-    with ThreadPoolExecutor(3) as executor:
-        datasets.write(windows, tmp_path / "three", 12, format=format_, executor=executor)
-    found = contents(tmp_path / "one")
-    assert found == contents(tmp_path / "two") == contents(tmp_path / "three")
-    manifest = json.loads((tmp_path / "one/manifest.json").read_text())
+        parquet()
+    sets = []
+    with worker_processes(2) as processes, ThreadPoolExecutor(3) as threads:
+        for number, executor in enumerate((processes, threads, None)):
+            target = tmp_path / str(number)
+            manifest = datasets.write(windows, target, 12, format=format_, executor=executor)
+            sets.append(contents(target))
+    found = sets[0]
+    assert sets == [found] * 3
     files = [own for shard in manifest["shards"] for own in shard["files"]]
     files += manifest.get("files", [])
     listed = {own["file"]: own["sha256"] for own in files}
@@ -68,62 +67,56 @@ def test_executors_give_the_same_bytes(windows, tmp_path, format_):
     assert sum(shard["windows"] for shard in manifest["shards"]) == 12
 
 
-def test_rows_are_those_of_the_jobs(windows, tmp_path):
-    datasets.write(windows, tmp_path / "set", 12)
-    found = datasets.read_set(tmp_path / "set")
-    assert len(found) == 12
-    job, expected = 0, []
-    while len(expected) < 12:
-        expected += windows.run_job(job).windows
-        job += 1
-    for index, window in enumerate(expected[:12]):
-        for row in (found[index], pickle.loads(pickle.dumps(found))[index - 12]):
-            assert set(row) == {*window.features, "index"}
-            assert all(np.array_equal(row[k], v) for k, v in window.features.items())
+def read_rows(folder, format_):
+    """The windows of a data set, each a dict of arrays, which may be flat."""
+    if format_ == "npz":
+        return list(datasets.read_set(folder))
+    if format_ == "parquet":
+        paths = sorted(folder.glob("*.parquet"))
+        return [row for path in paths for row in parquet().read_table(path).to_pylist()]
+    with pytest.raises(ValueError, match=f"format npz, got {format_}"):
+        datasets.read_set(folder)
+    return [{"rotations": mg.read(path).rotations} for path in sorted(folder.rglob(f"*.{format_}"))]
+
+
+def parquet():
+    return pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+
+
+@pytest.mark.parametrize(("format_", "atol"), [("npz", 0), ("parquet", 0), ("bvh", 1e-5)])
+def test_rows_are_those_of_the_jobs(windows, tmp_path, format_, atol):
+    expected = [window for job in range(9) for window in windows.run_job(job).windows][:12]
+    report = datasets.write(windows, tmp_path / "set", 12, format=format_)["report"]
+    found = read_rows(tmp_path / "set", format_)
+    for index, (row, window) in enumerate(zip(found, expected, strict=True)):
+        assert row.pop("index", index) == row.pop("window", index) == index
+        assert atol or row.keys() == window.features.keys()
+        for name, own in row.items():
+            array = window.features[name]
+            np.testing.assert_allclose(np.reshape(own, array.shape), array, rtol=0, atol=atol)
     rows = provenance(tmp_path / "set")
-    assert [int(row["window"]) for row in rows] == sorted(int(row["window"]) for row in rows)
-    assert len(rows) == sum(len(window.provenance) for window in expected[:12])
-    report = found.manifest["report"]
+    counts = [len(window.provenance) for window in expected]
+    assert [int(row["window"]) for row in rows] == np.repeat(np.arange(12), counts).tolist()
     assert report["bases"] == len({row["base"] for row in rows})
     assert report["new_frames"] >= windows.min_new
     library, cut = windows.library, windows.library.segments
-    usable = [
-        k for k, clip in enumerate(cut.clip) if library.is_donor[k] and windows.part.clips[clip]
-    ]
+    usable = np.flatnonzero(library.is_donor & windows.part.clips[cut.clip])
     for group, labels in library.labels.items():
         columns = ("base", "start") if group == library.groups.base else ("clip", "clip_start")
         places = {tuple(row[name] for name in columns) for row in rows}
-        used = {
-            labels[k]
-            for k, clip in enumerate(cut.clip)
-            if (library.names[clip], str(cut.start[k])) in places
-        }
-        share = sum(labels[k] in used for k in usable) / len(usable)
+        used = [
+            (library.names[clip], str(start)) in places
+            for clip, start in zip(cut.clip, cut.start, strict=True)
+        ]
+        share = np.isin(labels[usable], labels[used]).mean()
         assert 0 < share < 1
         assert report["coverage"][group] == pytest.approx(share)
 
 
-def test_parquet_rows_are_those_of_npz(windows, tmp_path):
-    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
-    for format_ in ("npz", "parquet"):
-        datasets.write(windows, tmp_path / format_, 7, format=format_)
-    rows = []
-    for path in sorted((tmp_path / "parquet").glob("*.parquet")):
-        rows += parquet.read_table(path).to_pylist()
-    for index, (one, two) in enumerate(zip(datasets.read_set(tmp_path / "npz"), rows, strict=True)):
-        assert two["window"] == index
-        assert all(one[name].ravel().tolist() == two[name] for name in two if name != "window")
-
-
-def test_motion_files_hold_the_windows(windows, tmp_path):
-    datasets.write(windows, tmp_path / "set", 6, format="bvh")
-    files = sorted((tmp_path / "set").rglob("*.bvh"))
-    expected = [*windows.run_job(0).windows, *windows.run_job(1).windows][:6]
-    for path, window in zip(files, expected, strict=True):
-        motion = mg.read_bvh(path)
-        assert motion.rotations == pytest.approx(window.features["rotations"], abs=1e-5)
-    with pytest.raises(ValueError, match="format npz, got bvh"):
-        datasets.read_set(tmp_path / "set")
+def count_windows(windows):
+    """The number of windows of passes over all bases, until one gives nothing."""
+    counts = (len(windows.run_job(job).windows) for job in itertools.count())
+    return sum(iter(lambda: sum(itertools.islice(counts, len(windows.bases))), 0))
 
 
 def test_fewer_windows_are_written_if_no_more_exist(takes, tmp_path):
@@ -137,12 +130,7 @@ def test_fewer_windows_are_written_if_no_more_exist(takes, tmp_path):
         folder = tmp_path / f"{min_new}"
         manifest = datasets.write(windows, folder, 100_000)
         numbers.append(manifest["report"]["windows"])
-        n_passes, found, last = 0, 0, 1
-        while last:  # a pass over all bases gives nothing
-            jobs = range(n_passes * len(windows.bases), (n_passes + 1) * len(windows.bases))
-            last = sum(len(windows.run_job(job).windows) for job in jobs)
-            n_passes, found = n_passes + 1, found + last
-        assert numbers[-1] == found
+        assert numbers[-1] == count_windows(windows)
         assert datasets.write(windows, folder, 100_000, resume=True) == manifest
     assert 0 < numbers[0] < 100_000
     assert numbers == sorted(numbers, reverse=True)
@@ -164,7 +152,7 @@ def test_interrupted_calls_are_continued_with_the_same_bytes(
 ):
     """The call ends at any write, or while the parts of the provenance are removed."""
     if format_ == "lerobot":
-        pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+        parquet()
     datasets.write(windows, tmp_path / "whole", 23, format=format_)
     expected, n_ended = contents(tmp_path / "whole"), 0
     for stop in stops:
@@ -238,12 +226,13 @@ def test_library_that_changes_meanwhile_is_an_error(clip_folder, tmp_path):
         datasets.write(windows, tmp_path / "set", 5, executor=executor)
 
 
-def test_library_in_memory_needs_no_executor(takes, tmp_path):
+def test_library_in_memory_needs_no_executor(takes, clip_folder, tmp_path):
     windows = datasets.augment(mg.Library.build(takes[:2]), seconds=2.0)
     with ThreadPoolExecutor(1) as executor, pytest.raises(ValueError, match="`executor`"):
         datasets.write(windows, tmp_path / "set", 5, executor=executor)
     assert not (tmp_path / "set").exists()
     assert datasets.write(windows, tmp_path / "set", 5)["report"]["windows"] == 5
+    assert main(["augment", str(clip_folder / "p0"), "-o", str(tmp_path / "a"), "-n", "3"]) == 0
 
 
 def test_command_and_python_give_the_same_bytes(stored, tmp_path, capsys):
@@ -267,15 +256,6 @@ def test_command_and_python_give_the_same_bytes(stored, tmp_path, capsys):
     assert json.loads(out) == {"schema": manifest["schema"], **manifest}
     assert "9 windows, 13.5 s" in err
     assert "clips; " in err
-
-
-def test_motion_files_need_one_process(clip_folder, tmp_path, capsys):
-    files = sorted(map(str, clip_folder.glob("p0/*.bvh")))
-    assert main(["augment", *files, "-o", str(tmp_path / "a"), "-n", "3"]) == 0
-    with pytest.raises(SystemExit):
-        main(["augment", *files, "-o", str(tmp_path / "b"), "-n", "3", "-j", "2"])
-    assert "--jobs requires a library in a folder" in capsys.readouterr().err
-    assert not (tmp_path / "b").exists()
 
 
 def test_measure_compares_grafts_of_the_set(windows, stored, tmp_path, monkeypatch, capsys):

@@ -7,6 +7,8 @@ from tests.fingerprint import fingerprint
 
 DANCE = dance(seed=5, strides=1).motion
 CLIP_NAMES = ["c", "d", "jump/a", "walk/a", "walk/b"]
+PACK_NAMES = ("walk", "jump", "walk.b#2", "turn/../left")
+"""Names of clips in a file that are hard to tell from paths."""
 
 
 def assert_same_libraries(a, b):

@@ -103,13 +103,6 @@ def test_hash_of_library_depends_on_the_hierarchy_and_the_rest_pose(files):
 
 
 @pytest.mark.filterwarnings("ignore:joints matched by anatomy")
-def test_add_to_library_matched_by_anatomy_equals_index(files, tmp_path):
-    whole = Library.index(files, tmp_path / "whole", match="anatomy")
-    part = Library.index([files / "a.bvh", files / "c.bvh"], tmp_path / "part", match="anatomy")
-    assert_same_libraries(part.add(files), whole)
-
-
-@pytest.mark.filterwarnings("ignore:joints matched by anatomy")
 def test_mirror_images_of_matched_clips_are_those_of_the_converted_motion():
     library = build([PARTS["a"], OTHER["b"]]).with_mirror_images()
     expected = mirror(library.clips[1])
