@@ -262,10 +262,7 @@ def choose_spec(properties: Sequence[ClipProperties], plan: IngestPlan) -> Libra
     the most frames. Ties go to the first clip. If no clip has the given `hierarchy`, all clips
     determine rate and up axis, and the hips are the root.
     """
-    by_hierarchy: dict[tuple[object, ...], list[tuple[Skeleton, ClipInfo]]] = {}
-    for _, skeleton, info in sorted(properties, key=lambda own: own[0]):
-        key = (skeleton.names, skeleton.parents.tobytes())
-        by_hierarchy.setdefault(key, []).append((skeleton, info))
+    by_hierarchy = _by_hierarchy(sorted(properties, key=lambda own: own[0]))
     fitting, hierarchy = max(by_hierarchy.values(), key=len), plan.hierarchy
     if hierarchy is not None:
         fitting = by_hierarchy.get((hierarchy.names, hierarchy.parents.tobytes()), [])
@@ -287,6 +284,17 @@ def choose_spec(properties: Sequence[ClipProperties], plan: IngestPlan) -> Libra
         match=plan.match,
         rest=plan.skeleton,
     )
+
+
+def _by_hierarchy(
+    properties: Iterable[ClipProperties],
+) -> dict[tuple[tuple[str, ...], bytes], list[tuple[Skeleton, ClipInfo]]]:
+    """Return the skeletons and the metadata of clips by their joint names and parents."""
+    found: dict[tuple[tuple[str, ...], bytes], list[tuple[Skeleton, ClipInfo]]] = {}
+    for _, skeleton, info in properties:
+        key = (skeleton.names, skeleton.parents.tobytes())
+        found.setdefault(key, []).append((skeleton, info))
+    return found
 
 
 def _guess_spec(
@@ -318,15 +326,12 @@ def _guess_spec(
 
 def _describe_hierarchies(result: IngestResult[T]) -> str:
     """Return a table of the hierarchies of clips; "" unless some clips have another one."""
-    clips: dict[tuple[object, ...], list[tuple[Skeleton, str]]] = {}
-    for _, skeleton, info in result.properties:
-        key = (skeleton.names, skeleton.parents.tobytes())
-        clips.setdefault(key, []).append((skeleton, info.source_name))
+    clips = _by_hierarchy(result.properties)
     if len(clips) < 2 or result.spec.match != "names":
         return ""
     lines, n_fitting = [], 0
     for members in sorted(clips.values(), key=len, reverse=True):
-        skeleton, names = members[0][0], [name for _, name in members]
+        skeleton, names = members[0][0], [info.source_name for _, info in members]
         with suppress(SkeletonMismatchError):
             describe_match(result.spec.skeleton, skeleton)
             n_fitting += len(members)

@@ -168,7 +168,7 @@ def list_debris(work, expected):
     return debris + [f"{own.name}/{n}" for own in libraries for n in storage.list_leftovers(own)]
 
 
-_NUMBERS = re.compile(r"(?<=partial-)\d+|-\d+-[0-9a-f]+(?=\.part)")
+_NUMBERS = re.compile(r"-\d+-[0-9a-f]+(?=\.part)")
 
 
 def hash_tree(work):

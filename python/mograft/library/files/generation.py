@@ -1,7 +1,6 @@
 """Write libraries to folders: the next generation of a library, in the format of `storage`."""
 
 import contextlib
-import glob
 import json
 import os
 import re
@@ -16,7 +15,7 @@ import numpy.typing as npt
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import FloatArray, IntArray, Packed
-from mograft._util.atomic import exclusive_lock, sync
+from mograft._util.atomic import draft_folder, exclusive_lock, sync
 from mograft._util.signals import clean_up_by
 from mograft.errors import LibraryError, join_names
 from mograft.library.clip_table import (
@@ -74,7 +73,6 @@ class GenerationWriter:
         self.shards: list[str] = []
         self._linked_hashes: dict[str, dict[str, Any]] = {}
         self._writers.clear()
-        self._written: list[str] = []
         self._skeletons: dict[str, tuple[int, Skeleton]] = {}
 
     def link_shards(self, base: storage.StoredLibrary) -> None:
@@ -155,7 +153,6 @@ class GenerationWriter:
         """Complete the arrays whose names begin with any of `starts`."""
         for name in [name for name in self._writers if name.startswith(starts)]:
             self._writers.pop(name).close()
-            self._written.append(f"{name}.npy")
 
     def write_array(
         self, name: str, dtype: str, parts: Iterator[npt.NDArray[Any]] | npt.NDArray[Any]
@@ -171,7 +168,6 @@ class GenerationWriter:
         skeletons = tuple(skeleton for _, skeleton in self._skeletons.values())
         table = ClipTable(library.entries, tuple(locations), skeletons, library.refused)
         write_clip_table(self.folder / DATABASE, self.final, table)
-        self._written.append(DATABASE)
 
     def commit(self, metadata: Mapping[str, Any]) -> None:
         """Write the manifest with `metadata`, which makes this generation the current one."""
@@ -179,8 +175,10 @@ class GenerationWriter:
         self.abandon()  # each group has its part of the boundary states
         for path in self.folder.glob("edges-*.npy"):
             path.unlink()
-        names = [f"{self._generation}/{name}" for name in self._written]
-        hashes = self._linked_hashes | hash_files(self._root, names)
+        files = [path for path in self.folder.rglob("*") if path.is_file()]
+        names = {path.relative_to(self._root).as_posix() for path in files}
+        new = sorted(names - self._linked_hashes.keys())
+        hashes = self._linked_hashes | hash_files(self._root, new)
         document = {
             "format": storage.FORMAT,
             "version": storage.FORMAT_VERSION,
@@ -233,16 +231,14 @@ def write_generation(
 @contextlib.contextmanager
 def _write_new(final: Path) -> Iterator[GenerationWriter]:
     """Yield a writer of a new library, in a temporary folder that is renamed after the commit."""
-    _remove_partial_libraries(final)
-    partial = final.with_name(f".{final.name}.partial-{os.getpid()}")
-    shutil.rmtree(partial, ignore_errors=True)
-    with clean_up_by(lambda: shutil.rmtree(partial, ignore_errors=True)):
-        partial.mkdir()
-        with _lock(partial):
-            yield GenerationWriter(partial, final, None, 1)
+    with draft_folder(final) as folder:
+        draft = folder / final.name
+        draft.mkdir()
+        with _lock(draft):
+            yield GenerationWriter(draft, final, None, 1)
         # After the lock file is closed: Windows does not rename a folder with an open file.
-        if (partial / MANIFEST).exists():
-            partial.rename(final)
+        if (draft / MANIFEST).exists():
+            draft.rename(final)
             sync(final.parent)
 
 
@@ -309,13 +305,6 @@ def _remove_old_generations(folder: Path) -> None:
         for path in folder.iterdir():
             if path.name != current:
                 _remove(path)
-
-
-def _remove_partial_libraries(final: Path) -> None:
-    """Remove temporary folders of this library that killed processes left behind."""
-    for path in final.parent.glob(f".{glob.escape(final.name)}.partial-*"):
-        with contextlib.suppress(LibraryError, OSError), _lock(path):
-            shutil.rmtree(path, ignore_errors=True)
 
 
 @contextlib.contextmanager
