@@ -48,10 +48,8 @@ def test_no_frame_of_other_parts_occurs(takes, seed, kind, source):
     windows = datasets.augment(library, seconds=2.0, split=parts, seed=seed, min_new=0.0)
     windows = replace(windows, variants=1)
     assert windows.part.shared == (takes[source].name,)
-    held_out = np.concatenate([test.rotations, takes[source].rotations])
-    held_out = np.concatenate(
-        [held_out, mg.mirror(test).rotations, mg.mirror(takes[source]).rotations]
-    )
+    originals = [test, takes[source]]
+    held_out = np.concatenate([own.rotations for own in [*originals, *map(mg.mirror, originals)]])
     joints = np.delete(np.arange(library.skeleton.n_joints), library.root)
     used = set()
     for job in range(len(windows.bases)):

@@ -31,16 +31,9 @@ main(["index", "nothing.bvh", "-o", "l"])
 """
     environment = {key: value for key, value in os.environ.items() if not key.endswith("_THREADS")}
     for extra, expected in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")):
-        process = subprocess.run(
-            [sys.executable, "-c", script],
-            cwd=tmp_path,
-            env=environment | extra,
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=True,
-        )
-        assert process.stdout.split() == [expected]
+        options = {"cwd": tmp_path, "env": environment | extra, "timeout": 60, "text": True}
+        printed = subprocess.check_output([sys.executable, "-c", script], **options)
+        assert printed.split() == [expected]
 
 
 def test_commands_take_clips_of_a_library_by_name_glob_and_tag(stored_library, tmp_path, capsys):

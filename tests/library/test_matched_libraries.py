@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mograft import Library, SkeletonMismatchError, graft, mirror, replay, write_bvh, write_graft
+from mograft import Library, SkeletonMismatchError, graft, replay, write_bvh, write_graft
 from mograft.io.smpl.body_models import SMPL_H, stand_in
 from mograft.library.origin import hash_library
 from mograft.library.spec import conform
@@ -100,13 +100,6 @@ def test_hash_of_library_depends_on_the_hierarchy_and_the_rest_pose(files):
         for own, rest in ((skeleton, None), (larger, None), (skeleton, skeleton))
     ]
     assert len(set(hashes)) == 3
-
-
-@pytest.mark.filterwarnings("ignore:joints matched by anatomy")
-def test_mirror_images_of_matched_clips_are_those_of_the_converted_motion():
-    library = build([PARTS["a"], OTHER["b"]]).with_mirror_images()
-    expected = mirror(library.clips[1])
-    assert_same_rotations(library.clips[3].rotations, expected.rotations, atol=1e-12)
 
 
 @pytest.mark.filterwarnings("ignore")
