@@ -1,6 +1,5 @@
 """Find the clips of a library, and look up their tags and frame rates."""
 
-import contextlib
 import errno
 import glob
 import hashlib
@@ -167,13 +166,13 @@ def _find_files(address: str) -> list[FoundClip]:
     if not matches and not os.path.lexists(path):
         reason = f"no file matches {path}"
         raise FileNotFoundError(*([reason] if is_glob else [2, "No such file or directory", path]))
-    if clip is None or not matches:
-        files = [formats.join_address(match, clip) for match in matches or [path]]
-        return [own for file in files for own in _found(file)]
     found: list[FoundClip] = []
-    for match in matches:
-        with contextlib.suppress(ValueError):  # no clip of this file has the name
+    for match in matches or [path]:
+        try:
             found += _found(formats.join_address(match, clip))
+        except ValueError:
+            if clip is None or not matches:
+                raise  # otherwise no clip of this file has the name
     if not found:
         raise ValueError(
             f"none of the {len(matches)} files that match {path} has a clip that matches {clip!r}"
