@@ -178,12 +178,12 @@ class JoinedSamples:
         clips = np.searchsorted(stops, indices, side="right")
         sources, firsts, counts = self.ranges[clips].T
         rows = firsts + indices - (stops[clips] - counts)
-        found = np.empty((len(indices), self.arrays[0].shape[1]), np.float32)
-        for number in np.unique(sources).tolist():
-            own = sources == number
-            found[own] = self.arrays[number][rows[own]]
+        starts, parts = np.flatnonzero(np.diff(sources, prepend=-1)), list[Packed]()
+        for number, own in zip(sources[starts], np.split(rows, starts[1:]), strict=False):
+            parts.append(self.arrays[number][own])
             release_pages(self.arrays[number])
-        return Samples(found, self.n_samples, self.n_joints)
+        joined = parts[0] if len(parts) == 1 else np.concatenate([self.arrays[0][:0], *parts])
+        return Samples(joined, self.n_samples, self.n_joints)
 
     def chunks(self) -> Iterator[Samples]:
         """Yield the samples of `CHUNK` segments at a time, also if several arrays hold them."""
