@@ -161,12 +161,7 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
             states[group] = own
         if (missing := set(groups.names) - labels.keys()) or isinstance(manifest["rate"], bool):
             raise ValueError(f"no data of the groups {missing}" if missing else "no rate")
-        frames, rows = (
-            tuple(arrays[f"{stem}-{shard}"] for shard in manifest["shards"])
-            for stem in ("frames", "samples")
-        )
-        counts = np.bincount(arrays["clips"], minlength=len(stored.table.locations))
-        firsts = [(location.shard, location.first_row) for location in stored.table.locations]
+        frames = [arrays[f"frames-{shard}"] for shard in manifest["shards"]]
         spec = LibrarySpec(
             skeleton=skeleton_from_json(manifest["skeleton"]),
             rate=float(manifest["rate"]),
@@ -188,9 +183,7 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
             labels=labels,
             sigma={group: float(about["sigma"]) for group, about in manifest["group"].items()},
             boundary_states=states,
-            samples=JoinedSamples(
-                rows, np.column_stack([firsts, counts]), config.samples, spec.skeleton.n_joints
-            ),
+            samples=_join_samples(stored, config.samples, spec.skeleton.n_joints),
             refused=stored.table.refused,
             folder=stored.folder,
         )
@@ -205,6 +198,20 @@ def _read_segments(arrays: dict[str, npt.NDArray[Any]], table: ClipTable) -> Seg
     if (segments.start < 0).any() or (segments.stop >= n_frames[segments.clip]).any():
         raise ValueError("segments end outside of their clips")
     return segments
+
+
+def _join_samples(stored: StoredLibrary, n_samples: int, n_joints: int) -> JoinedSamples:
+    """Return the samples of all segments; raise ValueError if they are not within their files."""
+    files = tuple(stored.arrays[f"samples-{shard}"] for shard in stored.manifest["shards"])
+    counts = np.bincount(stored.arrays["clips"], minlength=len(stored.table.locations))
+    firsts = [(location.shard, location.first_row) for location in stored.table.locations]
+    ranges = np.column_stack([firsts, counts])
+    ends = np.array([len(rows) for rows in files])[ranges[:, 0]]
+    is_inside = (ranges >= 0).all() and (ranges[:, 1] + ranges[:, 2] <= ends).all()
+    width = n_samples * (4 * n_joints + 3) + 1
+    if not is_inside or any(rows.shape[1:] != (width,) for rows in files):
+        raise ValueError("samples end outside of their files")
+    return JoinedSamples(files, ranges, n_samples, n_joints)
 
 
 def _reopen(library_type: type[L], folder: Path, checksum: str) -> L:
