@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft.datasets import copies, splits
+from mograft.datasets import copies
 from mograft.datasets.copies import find_shared_clips
 from mograft.datasets.splits import assign_parts, select_part
 from mograft.library.discover import SourceFile
@@ -77,16 +77,33 @@ def test_held_poses_are_not_in_common(takes):
     assert not len(find_shared_clips(library, ~ours, ours))
 
 
+UNITS = {
+    "auto:clip": range(6),
+    "auto:file": [0, 0, 1, 1, 2, 2],
+    "auto:tag": [0, 1, 2, 0, 1, 2],
+    "auto:tag:p[01]": [0, 1, 2, 0, 1, 3],
+}
+"""The clips that stay together, by the kind of an automatic split."""
+
+
+@pytest.fixture(scope="module")
+def tagged(takes):
+    """A library whose clips have files, tags and a description as in `UNITS`."""
+    library, entries = mg.Library.build(takes), []
+    units = zip(UNITS["auto:file"], UNITS["auto:tag"], strict=True)
+    for entry, (name, tag) in zip(library.entries, units, strict=True):
+        file = SourceFile(f"{name}.bvh", 1, 1, str(name), "BVH")
+        entries.append(entry._replace(source_file=file, tags=(f"p{tag}", "text:a walk")))
+    return replace(library, entries=tuple(entries))
+
+
 @few_examples(20)
-@given(seed=st.integers(0, 1000), key=st.sampled_from(["auto:clip", "auto:file", "auto:tag:p*"]))
-def test_automatic_parts_divide_no_unit(stored, seed, key):
-    parts = assign_parts(stored, key, seed)
+@given(seed=st.integers(0, 1000), key=st.sampled_from(list(UNITS)))
+def test_automatic_parts_divide_no_unit(tagged, seed, key):
+    parts = assign_parts(tagged, key, seed)
     assert set(parts) == {"train", "val", "test"}
-    assert parts == assign_parts(stored, key, seed)
-    if "tag" in key:
-        for tag in ("p0", "p1", "p2"):
-            clips = [i for i, entry in enumerate(stored.entries) if tag in entry.tags]
-            assert len({parts[clip] for clip in clips}) == 1
+    assert parts == assign_parts(tagged, key, seed)
+    assert len({*zip(UNITS[key], parts, strict=True)}) == len(set(UNITS[key]))
 
 
 def test_copies_of_a_clip_that_is_fast_throughout_are_found(takes, monkeypatch):
@@ -102,31 +119,10 @@ def test_copies_of_a_clip_that_is_fast_throughout_are_found(takes, monkeypatch):
     assert library.names.index("copy") in find_shared_clips(library, is_copy, ~is_copy)
 
 
-def tagged(takes, tags, files=None):
-    """A library whose clips have other tags, and files of the given contents."""
-    library = mg.Library.build(takes)
-    entries = [own._replace(tags=tag) for own, tag in zip(library.entries, tags, strict=True)]
-    if files is not None:
-        known = [SourceFile(f"{own}.bvh", 1, 1, own, "BVH") for own in files]
-        entries = [own._replace(source_file=f) for own, f in zip(entries, known, strict=True)]
-    return replace(library, entries=tuple(entries))
-
-
-def test_descriptions_are_no_tags(takes):
-    library = tagged(takes, [(f"text:take {n}",) for n in range(len(takes))])
+def test_descriptions_are_no_tags(tagged):
+    entries = (own._replace(tags=("text:a walk",)) for own in tagged.entries)
     with pytest.raises(ValueError, match="`split` needs tags"):
-        assign_parts(library, "auto:tag")
-    words = ["walk", "jump"] * 3
-    library = tagged(takes, [(f"p{n}", f"text:{word}") for n, word in enumerate(words)])
-    assert len(set(splits._units(library, "tag", "").tolist())) == len(takes)
-
-
-def test_automatic_parts_of_files_divide_no_file(takes):
-    library = tagged(takes, [()] * len(takes), ["a", "a", "b", "b", "c", "c"])
-    for seed in range(20):
-        parts = assign_parts(library, "auto:file", seed)
-        assert parts[::2] == parts[1::2]
-        assert set(parts) == {"train", "val", "test"}
+        assign_parts(replace(tagged, entries=tuple(entries)), "auto:tag")
 
 
 def test_table_selects_by_name_glob_and_tag(stored, tmp_path):
