@@ -6,6 +6,7 @@ import hashlib
 import itertools
 import json
 import os
+import pickle
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -70,13 +71,14 @@ def test_executors_give_the_same_bytes(windows, tmp_path, format_):
 def read_rows(folder, format_):
     """The windows of a data set, each a dict of arrays, which may be flat."""
     if format_ == "npz":
-        return list(datasets.read_set(folder))
+        return list(pickle.loads(pickle.dumps(datasets.read_set(folder))))
     if format_ == "parquet":
         paths = sorted(folder.glob("*.parquet"))
         return [row for path in paths for row in parquet().read_table(path).to_pylist()]
     with pytest.raises(ValueError, match=f"format npz, got {format_}"):
         datasets.read_set(folder)
-    return [{"rotations": mg.read(path).rotations} for path in sorted(folder.rglob(f"*.{format_}"))]
+    paths = sorted(folder.rglob(f"*.{format_}"))
+    return [{"rotations": mg.read(path)[0].rotations} for path in paths]
 
 
 def parquet():
