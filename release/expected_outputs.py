@@ -15,8 +15,11 @@ class Rule:
 
 EXPECTED: tuple[Rule, ...] = (
     *(
-        Rule("*", file, "segments and labels of libraries are in arrays alone, not in the database")
-        for file in ("*/catalog.sqlite", "*.mograft/manifest.json")
+        Rule("*", file, "segments and labels of libraries are in arrays, not in the database", keys)
+        for file, keys in (
+            ("*/catalog.sqlite", ()),
+            ("*.mograft/manifest.json", ("checksum", "files.*/catalog.sqlite.*")),
+        )
     ),
     Rule(
         "*",
