@@ -127,6 +127,7 @@ OUTSIDE = [
     "link/secret.bvh",
     "a\0b",
     "loop",
+    "~/x.bvh",
     "walk.bvh#/../../secret.bvh",
 ]
 
