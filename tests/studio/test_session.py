@@ -14,6 +14,7 @@ from mograft.cli import main
 from mograft.errors import FormatError, MograftError
 from mograft.library.origin import hash_poses
 from mograft.studio.export import replay_project
+from mograft.studio.project import read_project
 from mograft.studio.session import Session, StaleRevision
 from tests.io.recorded_files import DATA
 from tests.viewing.page_content import decode_tracks
@@ -313,6 +314,22 @@ def test_other_inputs_get_a_project_of_their_own(session, make_session):
     other = make_session(("one.bvh",))
     assert other.file.path != first
     assert first.read_bytes() == content
+
+
+def test_change_of_the_file_by_another_program_is_not_overwritten(session):
+    session.flush()
+    path, events = session.file.path, []
+    session.subscribe(events.append)
+    path.write_text("mine")
+    do(session, "mark", id="m1", mark="star")
+    closing = threading.Thread(target=session.close, daemon=True)
+    with session.lock:  # as if the thread of the file reported first
+        closing.start()
+    closing.join(30)
+    assert not closing.is_alive()
+    assert path.read_text() == "mine"
+    assert read_project(path.with_name("one.project (2).json"))[0].motion("m1").mark == "star"
+    assert any("another program" in own.get("text", "") for own in events)
 
 
 def test_broken_files_get_messages_and_the_others_are_used(make_session, tmp_path):

@@ -1,8 +1,10 @@
 """The file of a project: who may write it, and how it is saved after every action."""
 
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
+from itertools import count
 from pathlib import Path
 
 from mograft._util.atomic import exclusive_lock, write_text
@@ -23,6 +25,7 @@ class ProjectFile:
             self._stack.enter_context(exclusive_lock(self._lock_path))
         except BlockingIOError:
             raise MograftError(f"{path} is open in another session") from None
+        self._written = _state(path)
         self._text: Callable[[], str] | None = None
         self._worker = ThreadPoolExecutor(1, "studio saving")
 
@@ -52,6 +55,25 @@ class ProjectFile:
         if text is None:  # an earlier call has written it
             return
         try:
-            write_text(self.path, text())
+            self._write(text())
         except Exception as error:  # the session goes on
             self._report(f"the project is not saved: {error}")
+
+    def _write(self, text: str) -> None:
+        """Write the file; beside it, if another program has changed it since it was written."""
+        if _state(self.path) != self._written:
+            stem = self.path.name.removesuffix(".json")
+            others = (self.path.with_name(f"{stem} ({n}).json") for n in count(2))
+            other = next(path for path in others if not path.exists())
+            self._report(f"another program changed {self.path.name}; saved as {other.name} instead")
+            self.path = other
+        write_text(self.path, text)
+        self._written = _state(self.path)
+
+
+def _state(path: Path) -> tuple[int, int, int] | None:
+    try:
+        status = os.stat(path)
+    except FileNotFoundError:
+        return None
+    return status.st_ino, status.st_size, status.st_mtime_ns
