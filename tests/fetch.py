@@ -32,7 +32,7 @@ def fetch():
     """Download the missing programs, and install mograft-fbx."""
     FETCHED.mkdir(exist_ok=True)
     print(f"Khronos glTF validator: {_npm('gltf-validator', NODE_MODULES, LOCKED)}", flush=True)
-    print(f"axe-core: {_npm('axe-core', AXE.parents[1], LOCKED.with_name('axe'))}", flush=True)
+    print(f"axe-core: {_axe()}", flush=True)
     print(f"Chromium: {_chromium()}", flush=True)
     print(f"mograft-fbx: {_fbx()}", flush=True)
 
@@ -43,12 +43,15 @@ def _npm(package, modules, source):
     ``npm ci`` installs nothing if the hash of a download differs from the lock file.
     """
     installed = modules / package / "package.json"
+    is_fetched = FETCHED.resolve() in modules.resolve().parents
     if installed.exists():
         version = json.loads(installed.read_text(encoding="utf-8"))["version"]
         lock = json.loads((source / "package-lock.json").read_text(encoding="utf-8"))
         is_locked = version == lock["packages"][f"node_modules/{package}"]["version"]
-        if is_locked or FETCHED.resolve() not in modules.resolve().parents:
+        if is_locked or not is_fetched:
             return f"{version} in {modules}"
+    if not is_fetched:
+        return f"skipped: it is not in {modules}, and nothing is written outside of {FETCHED}"
     npm, folder = shutil.which("npm"), modules.parent
     if npm is None or shutil.which("node") is None:
         return "skipped: npm is not installed"
@@ -57,6 +60,12 @@ def _npm(package, modules, source):
         shutil.copyfile(source / name, folder / name)
     words = [npm, "ci", "--prefix", str(folder), "--no-audit", "--no-fund", "--ignore-scripts"]
     return _run([*words, "--fetch-retries=1", "--fetch-timeout=30000"])
+
+
+def _axe():
+    if os.environ.get("MOGRAFT_AXE"):
+        return str(AXE) if AXE.exists() else f"skipped: {AXE} does not exist"
+    return _npm("axe-core", AXE.parents[1], LOCKED.with_name("axe"))
 
 
 def _chromium():

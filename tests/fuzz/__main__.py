@@ -2,8 +2,8 @@
 
 The formats are bvh, fbx, gltf, npz, robots and usd, and vmc, whose packets are not files. Child
 processes check seeds one after the other; a violated law, or a signal that ends a process, ends the
-run and prints the seed. Add such a seed to `SEEDS` of the format's module. ``python -m
-tests.fuzz.rust`` fuzzes the kernels.
+run and prints the seed. Add a test of such a seed. ``python -m tests.fuzz.rust`` fuzzes the
+kernels.
 """
 
 import importlib

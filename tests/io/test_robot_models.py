@@ -1,6 +1,5 @@
 """Models of robots against MuJoCo, and models that are refused."""
 
-import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
@@ -30,6 +29,7 @@ def mjcf(bodies, top=""):
 @few_examples(40)
 @given(seed=SEEDS, degrees=st.booleans())
 def test_read_model_bodies_match_mujoco(tmp_path_factory, seed, degrees):
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
     text = to_mjcf(random_robot(seed), degrees=degrees)
     path, rng = written(tmp_path_factory.mktemp("model"), text), np.random.default_rng(seed)
     model = mg.formats.read_model(path, quaternion="wxyz", rate={"a*": 50})
@@ -76,6 +76,7 @@ def test_read_model_urdf_and_mjcf_give_the_same_skeleton(tmp_path_factory, seed)
 
 @pytest.mark.parametrize("order", ["xyz", "zyx", "XYZ", "YZX", "xzx"])
 def test_read_model_euler_angles_match_mujoco(tmp_path, order):
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
     shape = '<geom size="1" mass="1"/>'
     inner = f'<body euler="20 -40 70">{shape}<joint name="j"/></body>'
     text = (

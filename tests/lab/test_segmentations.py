@@ -10,11 +10,13 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from lab.segmentations import METHODS, beats, gmm, method, pca, ppca
+from lab.segmentations.poses import pose_features, principal_scores
 from lab.studies.behaviour_pieces import metronome
 from mograft import Config, Motion, Skeleton, rotations, segment
 from mograft._util.runs import find_runs
 from mograft.body.mass import mass_model
 from mograft.dancer import dance
+from tests.oracles import behaviour_cuts as oracle
 from tests.strategies import SEEDS, few_examples, quaternions, star_skeleton
 
 RATE = 30.0
@@ -95,6 +97,27 @@ def test_cut_frames_known_changes_are_found(method, seed, seconds):
     assert all(
         np.abs(cuts - change).min(initial=motion.n_frames) <= 0.6 * RATE for change in changes
     )
+
+
+@few_examples(8)
+@given(SEEDS, DURATIONS)
+def test_pca_cut_frames_equal_oracle(seed, seconds):
+    motion, _ = behaviours(seed, seconds)
+    expected = oracle.pca_cuts(pose_features(motion), 60, 0.9, 2, 5, 3.0, 6)
+    np.testing.assert_array_equal(found(pca, motion, step=0.2), expected)
+
+
+@few_examples(6)
+@given(SEEDS, DURATIONS, st.floats(0.6, 1.5), st.sampled_from([0.1, 0.2, 0.3]))
+def test_ppca_cut_frames_equal_oracle_that_computes_one_distance_at_a_time(
+    seed, seconds, window, step
+):
+    motion, _ = behaviours(seed, seconds)
+    parameters = ppca.PpcaParameters(window=window, step=step, directions="forward")
+    scores = principal_scores(pose_features(motion), 0.999)
+    frames = (round(window * RATE), round(step * RATE))
+    expected = oracle.ppca_cuts(scores, *frames, parameters)
+    np.testing.assert_array_equal(ppca.cut_frames(motion, parameters), expected)
 
 
 @few_examples(4)

@@ -64,3 +64,10 @@ def test_complete_linkage_threshold_is_exclusive(points, quantile):
 def test_complete_linkage_unknown_parameter_raises_value_error():
     with pytest.raises(ValueError, match=r"`params` must be among n_clusters, .*, got 'linkage'"):
         clustering.CompleteLinkage().set_params(linkage="complete")
+
+
+def test_complete_linkage_column_names_that_are_not_all_strings_raise_type_error():
+    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
+    frame = pandas.DataFrame(np.eye(6, 3), columns=["a", 1, "c"])
+    with pytest.raises(TypeError, match="X must have column names that are all strings"):
+        clustering.CompleteLinkage(4).fit(frame)

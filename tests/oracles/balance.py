@@ -6,11 +6,21 @@ from mograft.analysis import zero_moment
 
 
 def zero_moment_shifts(base, donors, seconds):
-    """Return the shifts of the zero-moment point by donors, shape (n, n_samples, 2).
+    """Return d - (z/g) d̈ at the samples of n base segments, shape (n, n_samples, 2).
 
-    The operators are those that tests of `zero_moment` compare with a quadrature.
+    d is the difference of two tracks, shape (n, n_samples, 2), smoothed by a Gaussian: a line and a
+    sine polynomial.
     """
-    return zero_moment.zero_moment_operators(base.shape[1], seconds) @ (donors - base)
+    gaps = donors - base
+    times = np.linspace(0.0, 1.0, gaps.shape[1])[:, None]
+    line = gaps[:, :1] * (1.0 - times) + gaps[:, -1:] * times
+    modes = np.arange(1, len(times) - 1)
+    sines = np.sin(np.pi * times * modes)
+    squared_frequencies = np.square(np.pi * modes / seconds[:, None])
+    gains = np.exp(-0.5 * zero_moment.SMOOTHING_SECONDS**2 * squared_frequencies)
+    gains *= 1.0 + zero_moment.PENDULUM_TIME_SQUARED * squared_frequencies
+    amplitudes = np.linalg.inv(sines[1:-1]) @ (gaps - line)[:, 1:-1]
+    return line + sines @ (gains[:, :, None] * amplitudes)
 
 
 def added_imbalances(shifts, margins, rows):
