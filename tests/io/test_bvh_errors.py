@@ -1,13 +1,16 @@
 """Tolerated deviations from the BVH format, and errors with their positions."""
 
+import os
 import re
 import tracemalloc
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from hypothesis import given
 
 import mograft as mg
+from mograft.motion import limits
 from tests.dialects import clips, dialects, to_text
 from tests.io.bvh_helpers import REFLOWED_ROWS, TEXT, TEXT_VALUES, read
 from tests.strategies import few_examples
@@ -170,6 +173,32 @@ def test_read_bvh_invalid_file_error_names_position_and_expectation(
     assert (error.line, error.column) == (line, column)
     assert str(error).startswith(f"<stream>:{line}:{column}: expected ")
     assert message in str(error)
+
+
+@pytest.mark.parametrize(("name", "line", "column"), [("MAX_JOINTS", 14, 9), ("MAX_LEVELS", 6, 8)])
+def test_read_bvh_joint_beyond_limit_is_refused_at_its_name(name, line, column):
+    arms = TEXT.replace(SITE, SITE + JOINT + "no keyword")
+    read(TEXT)  # the reader remembers this hierarchy
+    maximum = patch.object(limits, name, 2 if name == "MAX_JOINTS" else 1)
+    with maximum, pytest.raises(mg.BvhError, match="expected at most") as caught:
+        read(arms)
+    assert (caught.value.line, caught.value.column) == (line, column)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="requires /dev/zero")
+def test_read_bvh_endless_file_of_zeros_is_refused(tmp_path):
+    path = tmp_path / "z.bvh"
+    path.symlink_to("/dev/zero")
+    with pytest.raises(mg.BvhError, match=r"z.bvh:1:1: expected a word of fewer than 65536 char"):
+        mg.read_bvh(path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("n", [3, 6000, 50_000])
+def test_read_bvh_file_after_comments_of_any_length_is_read(tmp_path, encoding, n):
+    path = tmp_path / "a.bvh"
+    path.write_bytes(("# a comment\n" * n + TEXT.replace("HIER", "hier")).encode(encoding))
+    np.testing.assert_array_equal(mg.read_bvh(path).channel_values, TEXT_VALUES)
 
 
 @pytest.mark.parametrize("broken", ["lone surrogate", "half a character"])

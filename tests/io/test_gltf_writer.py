@@ -132,6 +132,42 @@ def test_write_glb_animations_below_zero_scale_keeps_translations(tmp_path, scal
     assert_same_motion(mg.read(tmp_path / "out.glb", rate=10)["turn"], motion, 1e-6)
 
 
+def test_write_glb_animations_keeps_the_matrix_of_a_node_with_only_other_channels(tmp_path):
+    sheared = [1, 0, 0, 0, 0.5, 1, 0, 0, 0, 0, 1, 0, 0, 3, 0, 1]
+    turns = np.float32([[0, 0, 0, 1], [0, 0, 0.6, 0.8]])
+    numbers = np.concatenate([np.float32([0, 1]), turns.ravel(), np.float32([0, 1])])
+    starts, shapes = (0, 8, 40), ((2, "SCALAR"), (2, "VEC4"), (2, "SCALAR"))
+    views = [*zip(starts, (8, 32, 8), strict=True)]
+    document = {
+        "asset": {"version": "2.0"},
+        "nodes": [{"name": "a", "children": [1]}, {"name": "b", "matrix": sheared}],
+        "skins": [{"joints": [0]}],
+        "buffers": [{"byteLength": numbers.nbytes}],
+        "bufferViews": [{"buffer": 0, "byteOffset": o, "byteLength": n} for o, n in views],
+        "accessors": [
+            {"bufferView": view, "componentType": 5126, "count": count, "type": kind}
+            for view, (count, kind) in enumerate(shapes)
+        ],
+        "animations": [
+            {
+                "name": "move",
+                "samplers": [{"input": 0, "output": 1}, {"input": 0, "output": 2}],
+                "channels": [
+                    {"sampler": 0, "target": {"node": 0, "path": "rotation"}},
+                    {"sampler": 1, "target": {"node": 1, "path": "weights"}},
+                ],
+            }
+        ],
+    }
+    document["accessors"][0] |= {"min": [0], "max": [1]}
+    path, target = write_gltf(tmp_path, document, numbers.tobytes(), "glb"), tmp_path / "out.glb"
+    clip = mg.read(path)[0]
+    motion = change_joints(clip, np.random.default_rng(1))
+    formats.write_glb_animations(path, motion, target, bases=[clip])
+    assert read_container(target).items("nodes")[1]["matrix"] == sheared
+    assert len(read_container(target).items("animations")[1]["channels"]) >= 2
+
+
 def test_write_glb_animations_buffers_and_images_of_other_files_become_one(
     tmp_path, tmp_path_factory
 ):

@@ -99,6 +99,19 @@ def test_file_beyond_limit_raises_error_with_file_value_and_limit(tmp_path, file
         assert str(caught.value).startswith(str(path))
 
 
+@pytest.mark.parametrize("file", ["walk.bvh", "walk.npz"])
+def test_name_of_end_site_beyond_limit_raises_error(tmp_path, file):
+    motion, path = make_motion(), tmp_path / file
+    n = max(map(len, motion.skeleton.names))
+    site = mg.EndSite(motion.n_joints - 1, [0.0, 1.0, 0.0], name="x" * (n + 1))
+    named = replace(motion, skeleton=replace(motion.skeleton, end_sites=(site,)))
+    WRITERS[file](named, path)
+    with patch.object(limits, "MAX_NAME_CHARACTERS", n):
+        with pytest.raises(mg.FormatError, match=f"at most {n} characters, got") as caught:
+            mg.read(path)[0]
+        assert str(caught.value).startswith(str(path))
+
+
 # The reader of FBX files has a lower limit, and deeper chains take seconds in GLB and USD files.
 @pytest.mark.parametrize(
     ("file", "n"),

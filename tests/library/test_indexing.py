@@ -176,6 +176,16 @@ POOLS = {
 }
 
 
+def test_add_only_tags_keeps_the_segments_of_clips_in_any_order(clip_folder, tmp_path):
+    files = [clip_folder / f"{name}.bvh" for name in reversed(CLIP_NAMES)]
+    built = Library.build(files)
+    built.save(tmp_path / "l")
+    later = Library.open(tmp_path / "l").add(clip_folder, tags={"*": ["late"]})
+    assert_same_libraries(later, built)
+    assert_same_libraries(Library.open(tmp_path / "l"), built)
+    assert all("late" in tags for tags in later.tags)
+
+
 @contextmanager
 def executor_of(kind):
     """Yield two workers: threads, spawned processes, or those of a local cluster of Dask."""

@@ -11,11 +11,11 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray
 from mograft.errors import join_names
-from mograft.io.clips import Clips, single_clip
+from mograft.io.clips import Clips, errors_of_file, single_clip
 from mograft.io.npz import NpzArchive, open_npz_archive
 from mograft.io.rest_pose import to_local
 from mograft.io.smpl.body_models import BODY_JOINTS, smpl_parents
-from mograft.motion import rotations
+from mograft.motion import limits, rotations
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton, usual_channels
 
@@ -114,6 +114,8 @@ def open_kimodo(path: Path, *, rate: float | None, skeleton: Skeleton | None) ->
         raise archive.error("posed_joints", f"expected {known} joints, got {n_joints}")
     if n_frames == 0:
         raise archive.error("posed_joints", "expected at least one frame, got none")
+    with errors_of_file(path, "array `posed_joints`"):
+        limits.check_frames(n_frames)
     others = [name for name in archive.headers if name not in ("posed_joints", "global_rot_mats")]
     notes = [f"frames per second: {RATE:g}, that of Kimodo's models; the file states none"]
     if others:

@@ -275,12 +275,15 @@ def _complete(
         raise ValueError(f"no clip can be used: {next(iter(reasons.values()))}")
     spec, config = result.spec, plan.config
     groups = choose_groups(plan, spec.skeleton, _sample_motions(pending, plan, result))
-    clips = sorted(result.clips, key=lambda clip: clip.order)
+    only_tags = base is not None and not pending and spec is base.spec
+    clips = list(result.clips)
+    if not only_tags:  # the segments of `base` keep the order of its clips
+        clips.sort(key=lambda clip: clip.order)
     entries = name_clips([clip.info for clip in clips])
     ranges = [(own.location.shard, own.location.first_row, len(own.segments)) for own in clips]
     samples = writer.samples(np.array(ranges), config.samples, spec.skeleton.n_joints)
     warn_of_clips(entries, result, stacklevel=4)
-    if base is not None and not pending and spec is base.spec:
+    if base is not None and only_tags:
         library = replace(base, entries=entries)
     else:
         cuts = [(clip.segments, clip.is_donor) for clip in clips]

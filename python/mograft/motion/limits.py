@@ -59,11 +59,16 @@ def check_hierarchy(names: Sequence[str], parents: Iterable[int]) -> None:
     `parents` holds for each joint the index of its parent, which is smaller; -1 at the root.
     """
     check_joints(len(names))
-    longest = max(map(len, names), default=0)
-    if longest > MAX_NAME_CHARACTERS:
-        expected = f"names of at most {MAX_NAME_CHARACTERS} characters"
-        raise ValueError(f"expected {expected}, got one of {longest}")
+    check_names(names)
     levels: list[int] = []
     for parent in parents:
         levels.append(levels[parent] + 1 if parent >= 0 else 1)
     check_levels(max(levels, default=0))
+
+
+def check_names(names: Iterable[str]) -> None:
+    """Raise ValueError if the name of a joint or of an end site is too long."""
+    longest = max(map(len, names), default=0)
+    if longest > MAX_NAME_CHARACTERS:
+        expected = f"names of at most {MAX_NAME_CHARACTERS} characters"
+        raise ValueError(f"expected {expected}, got one of {longest}")

@@ -19,7 +19,7 @@ from mograft._util.arrays import (
 )
 from mograft.errors import SkeletonMismatchError, join_names, suggest_name
 from mograft.motion.hinges import Hinges
-from mograft.motion.limits import MAX_COORDINATE, check_hierarchy
+from mograft.motion.limits import MAX_COORDINATE, check_hierarchy, check_names
 
 CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
 
@@ -112,6 +112,7 @@ class Skeleton(ReadOnlyArrays):
         if parents[0] != -1 or (parents[1:] < 0).any():
             raise ValueError("`parents` must be -1 at joint 0, the root, and nowhere else")
         check_hierarchy(names, parents.tolist())
+        check_names(site.name for site in self.end_sites)
         offsets = as_floats("offsets", self.offsets, (n_joints, 3), MAX_COORDINATE).copy()
         channels = tuple(tuple(names) for names in self.channels) or usual_channels(parents < 0)
         if len(channels) != n_joints:

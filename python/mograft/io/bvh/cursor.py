@@ -12,6 +12,7 @@ BvhFile: TypeAlias = str | os.PathLike[str] | IO[Any]
 """A path or an open file, text or binary."""
 
 MAX_WORD_BYTES = 1 << 16
+_START_BYTES = 4 * MAX_WORD_BYTES
 
 _ENCODING_OF_MARK = {
     codecs.BOM_UTF8: "utf-8",
@@ -188,13 +189,29 @@ class Cursor:
 def open_cursor(file: BvhFile, *, strict: bool) -> Cursor:
     """Return a cursor at the first word of a file: a path, or an open file."""
     if isinstance(file, str | os.PathLike):
-        with open(file, "rb", buffering=0) as stream:
-            return Cursor(stream.read(), os.fspath(file), strict=strict)
+        with open(file, "rb") as stream:
+            text = stream.read(_START_BYTES)
+            if _may_be_bvh(text):  # of another file, which may be endless, the start is enough
+                text += stream.read()
+        return Cursor(text, os.fspath(file), strict=strict)
     if not hasattr(file, "read"):
         raise TypeError(f"`source` must be a path or a file object, got {type(file).__name__}")
     text, name = file.read(), getattr(file, "name", None)
     text = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else bytes(text)
     return Cursor(text, name if isinstance(name, str) else "<stream>", strict=strict)
+
+
+def _may_be_bvh(start: bytes) -> bool:
+    """Return whether the first word of a file, whose text may be cut, can be HIERARCHY."""
+    try:
+        cursor = Cursor(start, "", strict=False)
+    except BvhError:
+        return True  # a character of UTF-16 may be cut
+    try:
+        cursor.skip_comments()
+        return b"HIERARCHY".startswith(cursor.take_word().upper())
+    except BvhError:
+        return False
 
 
 def match_end(pattern: re.Pattern[bytes], buffer: bytes, start: int) -> int:

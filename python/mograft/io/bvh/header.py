@@ -114,6 +114,11 @@ def _parse_hierarchy(cursor: Cursor) -> Skeleton:
         word = cursor.take_keyword()
         if word == b"JOINT":
             joint = _read_joint(cursor, "JOINT")
+            try:
+                limits.check_joints(len(joints) + 1)
+                limits.check_levels(len(opened) + 1)
+            except ValueError as error:
+                cursor.fail(str(error), joint.place)
             joint.parent = opened[-1]
             above.n_children += 1
             opened.append(len(joints))

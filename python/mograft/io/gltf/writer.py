@@ -204,8 +204,9 @@ def append_animations(
     present = animation_names(animations)
     given = [own.motion.name or "motion" for own in additions]
     names = given if is_update else unique_names([*present, *given])[len(present) :]
-    added = list(map(partial(_build_animation, file, buffer), additions, names))
-    document["nodes"] = _animated_nodes(file, added)
+    animated: set[int] = set()
+    added = list(map(partial(_build_animation, file, buffer, animated), additions, names))
+    document["nodes"] = _animated_nodes(file, animated)
     for own in added:
         place = present.index(own["name"]) if own["name"] in present else len(animations)
         animations[place : place + 1] = [own]
@@ -219,14 +220,13 @@ def append_animations(
     return tuple(names), buffer.pack(document)
 
 
-def _animated_nodes(file: GltfFile, animations: Sequence[Json]) -> list[Json]:
-    """Return the nodes of the file; matrices of animated ones become the three other properties.
+def _animated_nodes(file: GltfFile, animated: set[int]) -> list[Json]:
+    """Return the nodes of the file; matrices of `animated` become translation, rotation and scale.
 
     glTF forbids matrices in animated nodes.
     """
     nodes, rest = list(file.container.items("nodes")), file.tree.rest
-    targets = {own["target"].get("node") for each in animations for own in each["channels"]}
-    for node in targets - {None}:
+    for node in animated:
         if "matrix" in nodes[node]:
             nodes[node] = nodes[node] | {
                 "translation": rest.translations[0, node].tolist(),
@@ -237,16 +237,19 @@ def _animated_nodes(file: GltfFile, animations: Sequence[Json]) -> list[Json]:
     return nodes
 
 
-def _build_animation(file: GltfFile, buffer: GltfBuffer, addition: Addition, name: str) -> Json:
+def _build_animation(
+    file: GltfFile, buffer: GltfBuffer, animated: set[int], addition: Addition, name: str
+) -> Json:
     """Append the keys of an animation to the buffer; return the animation.
 
-    Properties without new keys keep the samplers of the clip.
+    Nodes with new keys are added to `animated`. Properties without keep the samplers of the clip.
     """
     motion, clip = addition.motion, addition.clip
     base = None if clip is None else file.read(clip)
     start = 0.0 if base is None else base.start
     times = np.linspace(start, start + motion.duration, motion.n_frames)
     tracks = _new_tracks(file, addition, base, times)
+    animated.update(node for node, _ in tracks)
     channels, samplers = ([], []) if clip is None else _keep_channels(file, clip, tracks)
     ends = sorted({0, len(times) - 1})
     inputs: dict[int, int] = {}

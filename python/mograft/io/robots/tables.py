@@ -144,7 +144,7 @@ def _read_cells(path: Path) -> tuple[tuple[str, ...], FloatArray, list[str]]:
     for line, text in enumerate(data.decode("utf-8-sig", "replace").splitlines(), 1):
         if not text.strip():
             continue
-        cells = [cell.strip() for cell in text.split(",")]
+        cells = [cell.strip() for cell in (text.split(",") if "," in text else text.split())]
         values = _as_numbers(cells)
         if not first and not header and values is None and "nan" not in map(str.lower, cells):
             header = tuple(cells)

@@ -80,6 +80,8 @@ def open_amass_file(path: Path) -> AmassFile:
         model = SMPL_X if has_face else SMPL_H
     if n_frames == 0:
         raise archive.error(name, "expected at least one frame, got none")
+    with errors_of_file(path):
+        limits.check_frames(n_frames)
     parts = {"poses": slice(0, model.n_columns), **model.columns}
     columns = {name: own for name, own in parts.items() if name in archive.headers}
     for name, own in columns.items():
