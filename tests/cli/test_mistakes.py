@@ -100,6 +100,7 @@ MISTAKES = [
     ("export a.bvh -o x.npz --tracker mjlab", RUNTIME, "--tracker needs a robot, given by --model"),
     ("augment lib -o x -n 2 --seconds 100", RUNTIME, "--seconds must be at most 10, the longest "
      "span without faults of the base clips of all, got 100"),
+    ("plot pca a.bvh b.bvh -o x.png --clip a", USAGE, "--clip requires strip, timeline, energy"),
     ("view a.bvh -o x.html --clip a", USAGE, "--clip requires a library; of files, give FILE or"),
     ("play a.bvh b.bvh --vmc 127.0.0.1", RUNTIME, "got 2: give one of a.bvh, b.bvh"),
     ("graft n.json -o x", USAGE, "n.json is no motion; --from n.json makes a graft again"),

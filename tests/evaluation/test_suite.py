@@ -159,6 +159,17 @@ def test_command_with_output_writes_document_and_page(files, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out) == json.loads(written[0][0])
 
 
+def test_command_rate_resamples_the_motions_as_the_api_does(files, capsys):
+    library = Library.build(read_bvh(files[0]).resample(20.0))
+    expected = evaluate(library, ["balance"], runs=1)
+    assert main(["evaluate", files[0], "balance", "--runs", "1", "--rate", "20", "--json"]) == 0
+    printed = capsys.readouterr()
+    assert "resampled" not in printed.err
+    found, wanted = json.loads(printed.out), json.loads(json.dumps(expected.as_dict()))
+    assert found["balance"] == wanted["balance"]
+    assert found["library"]["rate"] == wanted["library"]["rate"]
+
+
 def test_command_file_named_like_topic_is_read_as_file(files, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     write_bvh(read_bvh(files[0]), tmp_path / "quality")

@@ -42,6 +42,22 @@ def test_support_margins_of_any_segments_are_those_of_their_clips(library, place
     np.testing.assert_array_equal(again, expected[chosen])
 
 
+def test_support_margins_of_a_segment_are_computed_for_its_block_only(library, monkeypatch):
+    sizes = []
+
+    def record(*given, **options):
+        found = support_margins(*given, **options)
+        sizes.append(len(found))
+        return found
+
+    monkeypatch.setattr("mograft.library.segment_balance.CHUNK", 7)
+    monkeypatch.setattr("mograft.library.segment_balance.support_margins", record)
+    balance = replace(library).pool("upper").balance
+    for segment in (8, 9, 13):
+        balance.support_margins(np.array([segment]))
+    assert sizes == [7]
+
+
 @given(st.lists(st.lists(st.integers(0, 10), max_size=6), min_size=1, max_size=4))
 def test_mass_offsets_do_not_depend_on_earlier_calls(library, calls):
     balance, joints = replace(library)._balance, library.joints("upper")

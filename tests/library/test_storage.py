@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import shutil
+import sqlite3
 import subprocess
 import sys
 import warnings
@@ -177,6 +178,23 @@ def test_open_segment_outside_of_its_clip_raises_library_error(small_library, da
     header = path.read_bytes()[: -array.nbytes]
     with replaced(path, header + array.tobytes()), pytest.raises(LibraryError, match="damaged"):
         Library.open(small_library)
+
+
+@pytest.mark.parametrize(
+    ("change", "place"),
+    [
+        ("DELETE FROM clip WHERE id = (SELECT MIN(id) FROM clip)", "catalog.sqlite: expected"),
+        (f"UPDATE clip SET first_row = {2**63 - 1}", "manifest.json: samples end outside"),
+    ],
+)
+def test_open_damaged_database_raises_library_error(small_library, change, place):
+    path = small_library / "0001" / "catalog.sqlite"
+    with replaced(path, path.read_bytes()):
+        with contextlib.closing(sqlite3.connect(path)) as database, database:
+            database.execute("PRAGMA foreign_keys = OFF")
+            database.execute(change)
+        with pytest.raises(LibraryError, match=f"is damaged: {place}"):
+            Library.open(small_library)
 
 
 def test_open_foreign_or_newer_library_raises_library_error(small_library, tmp_path):

@@ -109,8 +109,11 @@ def load_library(
         hierarchy = read_clip(base, skeleton=skeleton).skeleton
     with show_progress() as progress:
         more: IngestOptions = {"match": options.match or "names", "hierarchy": hierarchy}
-        more |= {"skeleton": skeleton, "rate": rate, "progress": progress}
-        library = mg.Library.build(files, groups, config, strict=strict, **more)
+        more |= {"skeleton": skeleton, "progress": progress}
+        clips: Sequence[mg.Motion | str] = files
+        if rate is not None:
+            clips = [read_clip(file, skeleton=skeleton).resample(rate) for file in files]
+        library = mg.Library.build(clips, groups, config, strict=strict, **more)
     for line in describe_excluded(library.refused, options):
         print_remark(line)
     return library

@@ -40,7 +40,9 @@ class LibraryBalance:
     # By the joints of a group: offsets, shape (n_segments, n_samples, 2), and which are computed.
     # Zeros that nothing has written take no memory.
     _offsets: dict[bytes, tuple[FloatArray, BoolArray]] = field(default_factory=dict)
-    _margins: SizedCache[int, FloatArray] = field(  # of all segments of a clip
+    _tracks: dict[int, ZeroMomentTrack] = field(default_factory=dict)  # of the last clip
+    # Margins by clip and block of segments.
+    _margins: SizedCache[tuple[int, int], FloatArray] = field(
         default_factory=lambda: SizedCache(_MAX_MARGIN_BYTES)
     )
 
@@ -65,20 +67,28 @@ class LibraryBalance:
         found = np.empty((len(segments), self.config.samples, N_DIRECTIONS))
         clips = self.segments.clip[segments]
         for clip in np.unique(clips).tolist():
-            own, members = clips == clip, self.segments.of_clip(clip)
-            rows = np.searchsorted(members, segments[own])
-            found[own] = self._margins_of_clip(clip, self.segments[members])[rows]
+            members, of_clip = self.segments.of_clip(clip), np.flatnonzero(clips == clip)
+            blocks, rows = np.divmod(np.searchsorted(members, segments[of_clip]), CHUNK)
+            for block in np.unique(blocks).tolist():
+                own = blocks == block
+                found[of_clip[own]] = self._margins_of_block(clip, block, members)[rows[own]]
         return found
 
-    def _margins_of_clip(self, clip: int, cut: Segments) -> FloatArray:
-        """Return the support margins of all segments `cut` of a clip."""
-        known = self._margins.get(clip)
+    def _margins_of_block(self, clip: int, block: int, members: IntArray) -> FloatArray:
+        """Return the support margins of a block of at most `CHUNK` segments of a clip.
+
+        `members` are all segments of the clip.
+        """
+        known = self._margins.get((clip, block))
         if known is None:
-            motion, config, up = self.clips[clip], self.config, self.spec.up
-            ground, root = Ground.of(motion), self.spec.root
-            track = ZeroMomentTrack.of(motion, cut, ground, config, root=root, up=up)
-            chunks = [slice(start, start + CHUNK) for start in range(0, len(cut), CHUNK)]
-            parts = [support_margins(motion, cut, track, config, up=up, chosen=c) for c in chunks]
-            known = np.concatenate(parts)
-            self._margins.put(clip, known, known.nbytes)
+            motion, cut, up = self.clips[clip], self.segments[members], self.spec.up
+            track = self._tracks.get(clip)
+            if track is None:
+                ground, root = Ground.of(motion), self.spec.root
+                track = ZeroMomentTrack.of(motion, cut, ground, self.config, root=root, up=up)
+                self._tracks.clear()
+                self._tracks[clip] = track
+            chosen = slice(block * CHUNK, (block + 1) * CHUNK)
+            known = support_margins(motion, cut, track, self.config, up=up, chosen=chosen)
+            self._margins.put((clip, block), known, known.nbytes)
         return known

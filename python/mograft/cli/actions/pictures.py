@@ -105,10 +105,10 @@ def run_plot(options: PlotOptions) -> int:
 
 
 def _draw(options: PlotOptions) -> "Axes":
+    configuration.refuse_useless_options(options, _KINDS_OF_OPTION, options.kind)
     folder = files.library_folder(options.files, options.clip)
     if folder is not None:
         configuration.refuse_fixed_options(options, "groups", "match", "skeleton", "model")
-    configuration.refuse_useless_options(options, _KINDS_OF_OPTION, options.kind)
     if options.kind in ("strip", "energy"):
         motion, groups, config = _single_motion(options, folder)
         frames = files.frame_range(motion, options.frames)

@@ -132,6 +132,8 @@ def _read_generation(folder: Path, manifest: dict[str, Any]) -> StoredLibrary:
                 arrays[name.removeprefix(prefix).removesuffix(".npy")] = map_array(folder / name)
     with damage_raises_library_error(folder, DATABASE):
         table = read_clip_table(folder / prefix / DATABASE)
+        if len(table.entries) != manifest["clips"]:
+            raise ValueError(f"expected {manifest['clips']} clips, got {len(table.entries)}")
     return StoredLibrary(folder, manifest, table, arrays)
 
 
@@ -207,7 +209,7 @@ def _join_samples(stored: StoredLibrary, n_samples: int, n_joints: int) -> Joine
     firsts = [(location.shard, location.first_row) for location in stored.table.locations]
     ranges = np.column_stack([firsts, counts])
     ends = np.array([len(rows) for rows in files])[ranges[:, 0]]
-    is_inside = (ranges >= 0).all() and (ranges[:, 1] + ranges[:, 2] <= ends).all()
+    is_inside = (ranges >= 0).all() and (ranges[:, 1] <= ends - ranges[:, 2]).all()
     width = n_samples * (4 * n_joints + 3) + 1
     if not is_inside or any(rows.shape[1:] != (width,) for rows in files):
         raise ValueError("samples end outside of their files")
