@@ -86,3 +86,20 @@ def test_wheels_share_modules_and_no_file_name(wheels):
     one, two = (zipfile.ZipFile(wheels[name]) for name in ("mograft", "mograft_linkage"))
     for name in contained - {"__init__.py"}:
         assert one.read(inside + name) == two.read(name), name
+
+
+@pytest.mark.thorough
+def test_wheel_needs_and_imports_numpy_only(wheels, tmp_path):
+    with zipfile.ZipFile(wheels["mograft_linkage"]) as wheel:
+        wheel.extractall(tmp_path)
+    (metadata,) = tmp_path.glob("*.dist-info/METADATA")
+    needed = re.findall(r"^Requires-Dist: (\w+)(?!.*extra ==)", metadata.read_text("utf-8"), re.M)
+    assert needed == ["numpy"]
+    code = "import sys, numpy; old = {*sys.modules}; import mograft_linkage; "
+    code += "print(*{*sys.modules} - old)"
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    added = {name.partition(".")[0] for name in run.stdout.split()}
+    assert added <= {"mograft_linkage", "numpy", *sys.stdlib_module_names}
+    assert run.stdout.count("mograft_linkage") == len(MODULES) + 1

@@ -241,6 +241,7 @@ def test_path_that_is_drawn_on_the_floor_is_sent_in_axes_of_the_page(page):
 
 def test_change_of_an_old_state_is_refused_and_the_new_state_shown(browser, session):
     with opened(browser, session, expected=["409"]) as page:
+        until_figure(page)
         page.route("**/api/events", lambda route: route.abort())
         run(page, "modules.store.store.project.revision -= 1;")
         page.locator(".card").nth(1).get_by_label("Favourite:").click()
@@ -254,6 +255,7 @@ def test_change_of_an_old_state_is_refused_and_the_new_state_shown(browser, sess
 def test_lost_connection_is_shown_until_the_server_is_back(browser, session):
     expected = ["Failed to load resource", "net::ERR"]
     with opened(browser, session, expected=expected) as page:
+        until_figure(page)
         page.context.set_offline(True)
         page.locator(".card").first.get_by_label("Favourite:").click()
         page.locator("[data-part=banner]", has_text="Connection lost").wait_for()
@@ -288,11 +290,13 @@ def test_meshes_of_removed_motions_are_dropped(page, session):
 
 def test_constraints_of_every_kind_are_added_and_shown_by_another_page(browser, session):
     with opened(browser, session) as page:
+        until_figure(page)
         kinds = page.locator("[data-part=newKind] option").all_text_contents()
         add_constraints(page, kinds)
         forms = page.locator(".constraint").all_inner_texts()
     assert len(graft_of(session).request.constraints) == len(kinds)
     with opened(browser, session) as page:
+        until_figure(page)
         page.locator("#tab-constraints").click()
         page.locator(".constraint").nth(len(kinds) - 1).wait_for()
         assert page.locator(".constraint").all_inner_texts() == forms

@@ -17,6 +17,7 @@ from mograft.dancer import dance
 from mograft.synthesis.newness import newness
 from mograft.viewing.report import report_page
 from tests.browser import chromium, open_page
+from tests.strategies import HOSTILE_NAMES
 from tests.viewing.page_content import Tags, page_data
 
 
@@ -104,6 +105,18 @@ def test_report_clip_table_lists_contributing_clips_only():
     assert "30 other clips of the library are not used." in page.html
     used = {s.clip for s in new.substitutions} | {new.base.name}
     assert used == {"dance_1", "dance_2"}
+
+
+@pytest.mark.parametrize("file", [Path("javascript:alert(1)<b>.bvh"), None])
+@pytest.mark.parametrize("name", HOSTILE_NAMES)
+def test_report_hostile_names_remain_text(name, file):
+    tags = []
+    for own in (name, "plain"):
+        motion = replace(dance(strides=1).motion[:200], name=own, path=Path(f"{own}.bvh"))
+        page = report_page([graft(Library.build(motion))], [file])
+        tags.append([tag for tag, _ in Tags(page.html).found])
+        page.html.encode()
+    assert tags[0] == tags[1]
 
 
 def test_report_wrong_number_of_grafts_or_files_raises_value_error(grafts):
