@@ -41,9 +41,11 @@ def test_length_fits_a_difference_of_exactly_the_limit_is_refused_in_the_paper_o
 
 def test_unary_similarity_costs_are_distances_and_a_penalty_for_the_base():
     model = DONOR_CHOICES["nearest"].cost_model(ROBUST, SCALES)
-    lengths = np.array([4, 4])
-    costs = model.unary(lengths, lengths, np.array([0.7, 0.0]), np.array([False, True]))
+    lengths, longer = np.array([4, 4]), np.array([7, 4])
+    costs = model.unary(lengths, longer, np.array([0.7, 0.0]), np.array([False, True]))
     assert costs.tolist() == [0.7, INFEASIBLE_PENALTY]
+    for other in (model.balance, model.similarity):
+        assert other(np.array([0.0, 0.3])).tolist() == [0.0, 0.0]
 
 
 @given(SEEDS, st.lists(st.integers(0, 12), min_size=1, max_size=8), st.integers(1, 4))

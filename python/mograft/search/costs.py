@@ -83,14 +83,15 @@ class CostModel:
     k) / sigma + balance_weight · u``, minus ``novelty · (1 + min(1, a / NOVEL_ANGLE)) / 2``. Here
     shorter and longer are the lengths of the two segments, d is their distance in the embedding of
     the base group, sigma the cluster diameter threshold, u the result of `added_imbalances` and a
-    that of `pose_differences`. Segment i itself costs `base_cost`. A seam costs ``(angle /
-    scales.angle)² + (velocity / scales.velocity)²``, at most an eighth of `INFEASIBLE_PENALTY`,
-    plus that penalty if the angle exceeds `max_angle`.
+    that of `pose_differences`. Segment i itself costs `base_cost`. A seam costs `seam_weight` times
+    ``(angle / scales.angle)² + (velocity / scales.velocity)²``, which is at most an eighth of
+    `INFEASIBLE_PENALTY`, plus that penalty if the angle exceeds `max_angle`.
     """
 
     config: Config
     scales: SeamScales
     base_cost: float = 0.0  # of the base segment
+    seam_weight: float = 1.0
 
     def unary(
         self, base: IntArray, donors: IntArray, distances: FloatArray, is_base: BoolArray
@@ -126,7 +127,7 @@ class CostModel:
         """
         gaps = (angles / self.scales.angle) ** 2 + (velocities / self.scales.velocity) ** 2
         penalties = np.where(angles > self.config.max_angle, INFEASIBLE_PENALTY, 0.0)
-        return penalties + np.minimum(gaps, _MAX_SEAM_COST)
+        return penalties + self.seam_weight * np.minimum(gaps, _MAX_SEAM_COST)
 
     def seam_costs(self, left: BoundaryStates, right: BoundaryStates) -> FloatArray:
         """Return the seam costs from each left to each right segment, shape (n_left, n_right)."""

@@ -128,7 +128,7 @@ class Nearest(Viterbi):
         config = replace(
             config, length_weight=0.0, distance_weight=1.0, novelty=0.0, balance_weight=0.0
         )
-        return CostModel(config, SeamScales(np.inf, np.inf), base_cost=INFEASIBLE_PENALTY)
+        return CostModel(config, scales, base_cost=INFEASIBLE_PENALTY, seam_weight=0.0)
 
 
 class Random(DonorChoice):
