@@ -6,6 +6,7 @@ import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
+from types import SimpleNamespace
 from urllib.parse import quote
 
 import httpx
@@ -209,6 +210,15 @@ def test_upload_never_replaces_another_file(served, folder):
     assert (folder / "dropped/mesh/take.bin").read_bytes() == b"a"
 
 
+def test_upload_to_a_full_disk_is_refused(served, folder, monkeypatch):
+    client, _, _ = served
+    free = SimpleNamespace(free=(256 << 20) + 9)
+    monkeypatch.setattr(uploads, "shutil", SimpleNamespace(disk_usage=lambda _: free))
+    assert client.put("/api/files/full.bvh", content=b"x" * 10).status_code == 413
+    assert client.put("/api/files/fits.bvh", content=b"x" * 9).status_code == 200
+    assert not (folder / "dropped/full.bvh").exists()
+
+
 def raw(client, text):
     """Send bytes with the cookie; return the first bytes of the reply."""
     port, origin = client.server.token.port, client.headers["origin"]
@@ -304,6 +314,17 @@ def test_200_connections_do_not_stop_an_open_page(served):
         while len(reports) < 200 - server.MAX_CONNECTIONS and time.monotonic() < until:
             time.sleep(0.05)
     assert sum("refused" in own for own in reports) >= 200 - server.MAX_CONNECTIONS
+
+
+def test_reports_of_a_second_are_few_and_the_others_are_counted(monkeypatch):
+    monkeypatch.setattr(security, "MAX_REPORTS", 5)
+    clock, shown = iter([5.0, 5.9, *[6.5] * 8, 7.0, 7.1]), []
+    monkeypatch.setattr(security, "time", SimpleNamespace(monotonic=clock.__next__))
+    guard = security.Guard(None, security.Token(1), shown.append)
+    for _ in range(12):
+        guard._log({"method": "GET", "path": "/"}, 403)
+    line = "403 GET /: "
+    assert shown == [*[line] * 7, "3 more requests were refused", *[line] * 2]
 
 
 def test_silent_connection_is_closed(served, monkeypatch):

@@ -118,16 +118,67 @@ def test_locked_segment_keeps_its_donor_until_it_is_unlocked(session):
     segment = segment_of(session, "m1", 4)
     place = {**segment, **span_of(other_donor(session, segment))}
     do(session, "lock", **segment)
-    project = session.project
+    before, project = graft_of(session, "m1"), session.project
     for action in ("take", "restore", "change"):
         with pytest.raises(ValueError, match="unlock first"):
             do(session, action, **place)
         assert session.project == project
+    with pytest.raises(ValueError, match=r"upper, frames .* is locked"):
+        do(session, "restore", **{**segment, "group": None})
+    with pytest.raises(ValueError, match="`group` must be"):
+        do(session, "restore", **{**segment, "group": "uper"})
+    for action in ("ban", "regenerate"):
+        do(session, action, **{**segment, "first": 0, "last": before.motion.n_frames - 1})
+        after = graft_of(session, "m1")
+        assert donors_at(after, segment) == donors_at(before, segment)
+        pairs = list(zip(before.substitutions, after.substitutions, strict=True))
+        assert sum(old.donor != new.donor for old, new in pairs) > len(pairs) / 2
+        do(session, "undo")
+    for motion in do(session, "more_like", id="m1", count=4)["motions"]:
+        assert donors_at(graft_of(session, motion), segment) == donors_at(before, segment)
+    do(session, "undo")
     do(session, "unlock", **segment)
     for action in ("take", "restore", "change"):
         do(session, action, **place)
         assert session.project.motion("m1").record != project.motion("m1").record
         do(session, "undo")
+
+
+def test_constraints_leave_locked_segments(session):
+    last = graft_of(session, "m1").motion.n_frames - 1
+    do(session, "lock", id="m1", group="upper", first=0, last=last)
+    before = graft_of(session, "m1").donors["upper"].tolist()
+    do(session, "add_constraint", id="m1", constraint=AVOID)
+    assert graft_of(session, "m1").donors["upper"].tolist() == before
+    motion = session.state()["motions"][0]
+    assert {own["group"] for own in motion["violations"]} == {"upper"}
+    assert any("unlock" in own for own in motion["remarks"])
+
+
+def test_dropped_target_leaves_no_trace_in_the_motion(session):
+    before = graft_of(session, "m1")
+    hand = before.motion.skeleton.index("LeftHand")
+    near = before.motion.world_positions()[120, hand] + [0.0, 2.0, 1.0]
+    do(session, "add_constraint", id="m1", constraint={**REACH, "target": near.tolist()})
+    moved = graft_of(session, "m1")
+    assert any(own.is_moved for own in moved.reach_completions)
+    assert moved.donors["upper"].tolist() == before.donors["upper"].tolist()
+    assert np.abs(moved.motion.rotations - before.motion.rotations).max() > 1e-3
+    do(session, "drop_constraint", id="m1", number=0)
+    after = graft_of(session, "m1")
+    np.testing.assert_allclose(after.motion.rotations, before.motion.rotations, atol=2e-4)
+    assert session.state()["motions"][0]["constraints"] == []
+    record = session.workshop.record(session.project.motion("m1").record)
+    assert hash_poses(mg.replay(record).motion) == hash_poses(after.motion)
+
+
+def test_preview_of_a_large_motion_leaves_it_in_memory(session):
+    session.workshop._grafts.limit = 1
+    do(session, "add_constraint", id="m1", constraint=AVOID)
+    graft = graft_of(session, "m1")
+    fields = {"action": "set_constraint", "id": "m1", "number": 0, "constraint": AVOID}
+    session.do({**fields, "preview": True})
+    assert graft_of(session, "m1") is graft
 
 
 def test_set_constraint_keeps_its_number_and_as_a_preview_is_no_step(session):
@@ -199,6 +250,8 @@ def test_action_on_another_revision_is_refused(session):
         ({"action": "mkae"}, "did you mean 'make'"),
         ({}, "unknown `action`"),
         ({"action": "make", "base": "three"}, "`base`"),
+        ({"action": "make", "base": ""}, "`base`"),
+        ({"action": "change", "id": "m1", "group": "upper", "first": 0, "last": 900}, "did you"),
         ({"action": "make", "count": 1000}, "`count`"),
         ({"action": "mark", "id": "m9", "mark": "star"}, "`id`"),
         ({"action": "mark", "id": "m1", "mark": "good"}, "`mark`"),

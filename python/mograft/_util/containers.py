@@ -57,15 +57,16 @@ class LazySequence(Sequence[T]):
 class SizedCache(Generic[K, V]):
     """Values of at most `limit` bytes in total, of which the oldest are dropped.
 
-    A value that is larger stays alone. Copies and pickles are empty; several threads may use it.
+    The newest `minimum` values stay, however large. Copies and pickles are empty; several threads
+    may use it.
     """
 
-    def __init__(self, limit: int) -> None:
-        self.limit = limit
+    def __init__(self, limit: int, minimum: int = 1) -> None:
+        self.limit, self.minimum = limit, minimum
         self._items: dict[K, tuple[V, int]] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return SizedCache, (self.limit,)
+        return SizedCache, (self.limit, self.minimum)
 
     def get(self, key: K) -> V | None:
         """Return the value of a key, or None."""
@@ -76,7 +77,7 @@ class SizedCache(Generic[K, V]):
         self._items.pop(key, None)
         known = list(self._items.items())
         total = size + sum(own for _, (_, own) in known)
-        for other, (_, own) in known:
+        for other, (_, own) in known[: max(len(known) + 1 - self.minimum, 0)]:
             if total <= self.limit:
                 break
             total -= own

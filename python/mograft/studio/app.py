@@ -151,7 +151,8 @@ class _Requests:
     async def put_file(self, request: Request) -> Response:
         """Store a file of the browser, which `open` can open then."""
         name = request.path_params["name"]
-        path = await store_upload(request.stream(), self.places.folder, name)
+        n_bytes = int(request.headers.get("content-length", "0"))
+        path = await store_upload(request.stream(), n_bytes, self.places.folder, name)
         return JSONResponse({"path": path.as_posix()})
 
 

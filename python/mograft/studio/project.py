@@ -191,7 +191,11 @@ class _Reader:
             if schema != SCHEMA:
                 raise self.fail(f"records.{key}", f"`schema` must be {SCHEMA}, got {schema!r}")
             self.records[key] = self.moved_record(record)
-        past, future = (self.get(document, name, tuple[Step, ...]) for name in ("past", "future"))
+        past = self.get(document, "past", list)[-MAX_STEPS:]  # each step is large
+        past, future = (
+            self.decode(own, tuple[Step, ...], name)
+            for name, own in (("past", past), ("future", self.get(document, "future", list)))
+        )
         return self.get(document, "project", Project), History(past, future), self.records
 
     def moved_record(self, record: Record) -> Record:

@@ -37,7 +37,8 @@ class ProjectFile:
     def save(self, text: Callable[[], str]) -> None:
         """Write the result of `text` soon; a newer text replaces one that waits."""
         self._text = text
-        self._worker.submit(self._write_latest)
+        with suppress(RuntimeError):  # closed
+            self._worker.submit(self._write_latest, text)
 
     def flush(self) -> None:
         """Wait until everything is written."""
@@ -50,9 +51,8 @@ class ProjectFile:
             self._lock_path.unlink()
         self._stack.close()
 
-    def _write_latest(self) -> None:
-        text, self._text = self._text, None
-        if text is None:  # an earlier call has written it
+    def _write_latest(self, text: Callable[[], str]) -> None:
+        if text is not self._text:  # a newer one waits
             return
         try:
             self._write(text())

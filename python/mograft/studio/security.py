@@ -3,6 +3,7 @@
 import asyncio
 import hmac
 import secrets
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,6 +18,8 @@ from mograft.io.formats import join_address, split_address
 
 MAX_JSON_BYTES = 4 << 20
 MAX_UPLOAD_BYTES = 2 << 30
+MAX_REPORTS = 50
+"""Greatest number of refusals that are reported in a second."""
 
 _BODY_SECONDS = 30.0  # to receive the next part of a body
 _MAX_SHOWN_CHARACTERS = 120
@@ -81,11 +84,13 @@ class Token:
 class Guard:
     """Middleware that refuses requests of other pages, without the token, or that are too large.
 
-    It adds the headers of safety to every reply. `report` is called with a line about each refusal.
+    It adds the headers of safety to every reply. `report` is called with a line about each refusal,
+    and in a second with more than `MAX_REPORTS`, later with the number of the others.
     """
 
     def __init__(self, app: ASGIApp, token: Token, report: Callable[[str], None]) -> None:
         self.app, self.token, self.report = app, token, report
+        self._second = self._n_refused = 0
         self._hosts = [f"{name}:{token.port}" for name in ("127.0.0.1", "localhost")]
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -128,6 +133,14 @@ class Guard:
         return None
 
     def _log(self, scope: Scope, status: int) -> None:
+        second = int(time.monotonic())
+        if second != self._second:
+            if self._n_refused > MAX_REPORTS:
+                self.report(f"{self._n_refused - MAX_REPORTS} more requests were refused")
+            self._second, self._n_refused = second, 0
+        self._n_refused += 1
+        if self._n_refused > MAX_REPORTS:
+            return
         place = f"{scope['method']} {_short(scope['path'])}"
         self.report(f"{status} {place}: {_short(scope.get('mograft.reason', ''))}")
 

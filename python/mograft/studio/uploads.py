@@ -1,6 +1,7 @@
 """Files that a browser sends: their names, and how they reach the folder of the session."""
 
 import filecmp
+import shutil
 import threading
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -21,6 +22,7 @@ _COMPANIONS = (".bin", ".png", ".jpg", ".jpeg", ".webp", ".json", ".toml")
 
 _MAX_LEVELS = 8
 _MAX_COPIES = 1000
+_MIN_FREE_BYTES = 256 << 20
 _placing = threading.Lock()
 
 
@@ -42,14 +44,16 @@ def upload_path(name: str) -> Path:
     return path
 
 
-async def store_upload(parts: AsyncIterator[bytes], folder: Path, name: str) -> Path:
+async def store_upload(parts: AsyncIterator[bytes], n_bytes: int, folder: Path, name: str) -> Path:
     """Write a file of the browser below `folder`; return its path relative to it.
 
     A file of the same content is used again. A motion file never replaces another one: it gets a
-    number. Raises Refusal for another file with a different content.
+    number. Raises Refusal if the disk is full, or for another file with a different content.
     """
     relative = upload_path(name)
     target = folder / relative
+    if shutil.disk_usage(folder).free < n_bytes + _MIN_FREE_BYTES:
+        raise Refusal(413, "size", f"the disk of {folder} has too little free space")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):

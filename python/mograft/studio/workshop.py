@@ -47,7 +47,7 @@ class Workshop:
         self.texts: dict[str, str] = {}  # records as JSON; as objects they need ten times as much
         self.summaries: dict[str, Record] = {}  # what the page shows of each record
         self.measures: dict[str, dict[str, Any]] = {}  # of motions that were built, by record
-        self._grafts = SizedCache[str, Graft](_MAX_BYTES)
+        self._grafts = SizedCache[str, Graft](_MAX_BYTES, 2)  # a motion and its preview
         self._libraries = SizedCache[str, Library](_MAX_LIBRARIES)  # by hash
         self._configured = SizedCache[tuple[str, Config], Library](_MAX_CONFIGURED)
         self._angles: dict[tuple[str, str], float | None] = {}

@@ -70,10 +70,11 @@ def ranges_of(graft: Graft, group: str, is_selected: BoolArray) -> list[Span]:
     return [(int(cut.start[start]), int(cut.stop[stop - 1])) for start, stop in runs]
 
 
-def _refuse_locked(own: ProjectMotion, graft: Graft, group: str | None, frames: Span) -> None:
-    """Raise ValueError if a locked segment is in a range of a group, of a body part or of all."""
+def _refuse_locked(own: ProjectMotion, graft: Graft, group: str, frames: Span) -> None:
+    """Raise ValueError if a locked segment is in a range; `group` may also be a body part."""
     for name in [group] if group in graft.alternatives else graft.alternatives:
-        if (select(graft, name, frames) & is_locked(graft, name, own.locks)).any():
+        selected = overlaps(base_segments(graft, name), frames)
+        if (selected & is_locked(graft, name, own.locks)).any():
             raise ValueError(f"{where(group, *frames)} is locked: unlock first")
 
 
@@ -118,7 +119,9 @@ def _ban(_: Desk, fields: Fields, own: ProjectMotion, graft: Graft) -> Outcome:
 def _restore(_: Desk, fields: Fields, own: ProjectMotion, graft: Graft) -> Outcome:
     """Restore the captured motion of a range."""
     group, frames = fields.optional_text("group"), fields.frames()
-    _refuse_locked(own, graft, group, frames)
+    for name in graft.alternatives if group is None else [group]:
+        select(graft, name, frames)
+        _refuse_locked(own, graft, name, frames)
     new = edit(graft, KeepOriginal(frames=frames, group=group))
     return new, f"restore captured {_text(fields)}"
 

@@ -27,8 +27,9 @@ _CHANGED_SHARE = 0.4  # of the segments, in motions like another one
 def make(desk: Desk, fields: Fields) -> tuple[Project, str]:
     """Make motions on a clip."""
     library = _library(desk, fields)
-    base = fields.optional_text("base") or library.names[0]
-    count = fields.integer("count", 1, 1, _MAX_COUNT)
+    base, count = fields.optional_text("base"), fields.integer("count", 1, 1, _MAX_COUNT)
+    if base is None:
+        base = library.names[0]
     find_clip(library, "base", base)
     n_before = desk.project.n_made
     grafts = _make(desk, fields, library, base, None, count)
