@@ -16,7 +16,7 @@ from mograft.body.loops import is_loop
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.provenance.graft_change import plan_of
-from mograft.search.costs import NOVEL_ANGLE
+from mograft.search.costs import NOVEL_ANGLE, SeamScales
 from mograft.solve.donor_spans import DISTINCT_ANGLE, MAX_RATIO, ChangedPart, find_donor_spans
 from tests.provenance.checks import assert_replays
 from tests.strategies import SEEDS, few_examples
@@ -166,7 +166,8 @@ def span_cost(problem, motion, group, frames, span):
     shares = np.linspace(0.0, 1.0, 8)
     pairs = [(frames[0] + round(s * n), span.start + round(s * m)) for s in shares.tolist()]
     new = np.mean([angle(*pair, joints) for pair in pairs])
-    distance = np.mean([angle(*pair, base) for pair in pairs]) / model.scales.angle
+    scales = SeamScales.from_typical_gaps(*problem.pools[group].typical_gaps, config)
+    distance = np.mean([angle(*pair, base) for pair in pairs]) / scales.angle
     cost = config.length_weight * (1 - min(n, m) / max(n, m)) + config.distance_weight * distance
     cost -= config.novelty * (1 + min(1, new / NOVEL_ANGLE)) / 2
     before, after = max(frames[0] - 1, 0), min(frames[1], motion.n_frames - 2)
