@@ -23,6 +23,7 @@ from mograft.studio.project import (
     read_project,
     record_key,
 )
+from mograft.studio.project_file import ProjectFile
 
 RECORDS = [{"schema": SCHEMA, "name": f"new {number}", "clips": []} for number in range(3)]
 KEYS = [record_key(own)[0] for own in RECORDS]
@@ -65,6 +66,22 @@ def test_project_file_is_read_as_it_was_written(tmp_path_factory, project, past,
     path = write(tmp_path_factory.getbasetemp() / "project.json", project, history)
     found = read_project(path)
     assert found == (project, history, {key: RECORDS[KEYS.index(key)] for key in found[2]})
+
+
+def test_only_the_last_steps_of_a_file_are_read(tmp_path):
+    past = tuple((f"step {number}", Project(n_made=number)) for number in range(MAX_STEPS + 3))
+    path = write(tmp_path / "a.json", Project(), History(past, past[:1]))
+    assert read_project(path)[1] == History(past[3:], past[:1])
+
+
+def test_save_after_close_is_left_out(tmp_path):
+    reports = []
+    file = ProjectFile(tmp_path / "a.json", reports.append)
+    for text in ("first", "last"):
+        file.save(lambda text=text: text)
+    file.close()
+    file.save(lambda: "late")
+    assert (file.path.read_text(), reports) == ("last", [])
 
 
 def test_history_undoes_the_last_steps_and_no_more():
