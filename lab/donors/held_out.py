@@ -34,9 +34,7 @@ def fit_on(library, is_fitted):
     fitted, others = np.flatnonzero(is_fitted), np.flatnonzero(~is_fitted)
     with warnings.catch_warnings():  # building the library has already issued them
         warnings.simplefilter("ignore")
-        embeddings = embed_groups(
-            library.samples.select(fitted), library.groups, library.spec, library.config, _ignore
-        )
+        embeddings = embed_groups(replace(library, samples=library.samples.select(fitted)), _ignore)
     held = library.groups.divided_channels(library.skeleton)
     rest = library.samples.select(others)
     order = np.argsort(np.concatenate([fitted, others]))

@@ -42,7 +42,7 @@ def wait_until_session_ends(child):
 
 
 def has_workers(child):
-    is_begun = any(Path().glob(".lib*/*/frames*"))
+    is_begun = any(Path().glob(".mograft-*/**/frames*"))
     return is_begun and len(list_session(child.pid, b"spawn_main")) == 2
 
 
@@ -63,8 +63,8 @@ MP4 = ["export", "SLOW", "-o", "x.mp4", "--size", "1920x1080", "--rate", "50"]
 # Each command has work for minutes, a GIF for half of one.
 COMMANDS = {
     "graft": (["graft", "CLIP", "-o", "out", "-n", "3000"], "out/*.bvh"),
-    "index": (["index", "MANY", "-o", "lib"], ".lib*/*/frames*"),
-    "index workers": (["index", "MANY", "-o", "lib", "-j", "2"], ".lib*/*/frames*"),
+    "index": (["index", "MANY", "-o", "lib"], ".mograft-*/**/frames*"),
+    "index workers": (["index", "MANY", "-o", "lib", "-j", "2"], ".mograft-*/**/frames*"),
     "export": (GIF, is_drawing),
     "film": (MP4, "*.part"),
     "stream": (["stream", "CLIP", "--port", "0"], has_printed),

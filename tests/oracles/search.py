@@ -5,9 +5,62 @@ import numpy as np
 from tests.oracles.rotations import inverse, log, multiply
 
 
+def candidates(labels, lengths, rate, config, is_donor=None):
+    """Return for each base segment its donors: itself and those of its cluster that fit."""
+    is_donor = np.ones(len(labels), bool) if is_donor is None else is_donor
+    donors = []
+    for i, length in enumerate(lengths):
+        fitting = []
+        for k in np.flatnonzero(labels == labels[i]):
+            difference = abs(length - lengths[k])
+            if config.length_slack:
+                tolerance = max(config.max_stretch * length, config.length_slack * rate)
+                fits = difference <= tolerance + 1e-9
+            else:
+                fits = difference < config.max_stretch * length - 1e-9
+            if (fits and is_donor[k]) or k == i:
+                fitting.append(int(k))
+        donors.append(fitting)
+    return donors
+
+
 def seam_angle(end, start):
     """Return the mean joint angle between two poses."""
     return np.linalg.norm(log(multiply(inverse(end), start)), axis=-1).mean()
+
+
+def random_sequence(rotations, bounds, donors, config, rng):
+    """Choose a donor for every segment at random under the limit of the seam angle.
+
+    From the last segment to the first, donors without a next donor under the limit are removed,
+    unless this would remove all.
+    """
+    starts, stops = bounds[:-1], bounds[1:]
+    remaining, angles_after = [np.array(donors[-1])], []
+    for position_donors in donors[-2::-1]:
+        position_donors = np.array(position_donors)
+        angles = np.array(
+            [
+                [
+                    seam_angle(rotations[stops[left]], rotations[starts[right]])
+                    for right in remaining[-1]
+                ]
+                for left in position_donors
+            ]
+        )
+        has_next = (angles <= config.max_angle).any(axis=1)
+        if not has_next.any():
+            has_next[:] = True
+        remaining.append(position_donors[has_next])
+        angles_after.append(angles[has_next])
+    remaining, angles_after = remaining[::-1], angles_after[::-1]
+    choice = int(rng.integers(len(remaining[0])))
+    sequence = [remaining[0][choice]]
+    for position_donors, angles in zip(remaining[1:], angles_after, strict=True):
+        allowed = np.flatnonzero(angles[choice] <= config.max_angle)
+        choice = int(rng.choice(allowed)) if len(allowed) else int(np.argmin(angles[choice]))
+        sequence.append(position_donors[choice])
+    return np.array(sequence)
 
 
 def cheapest_sequence(unary, pairwise):
