@@ -5,22 +5,17 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mograft._util.arrays import IntArray
+from mograft._util.documents import parse_document
 from mograft._util.validate import check_type
-from mograft.body.anatomy import anatomy
-from mograft.body.group_entries import (
-    Entry,
-    Subtree,
-    channels_of_entry,
-    channels_of_joint,
-    groups_to_toml,
-    is_joint,
-    joint_label,
-    read_groups,
-)
+from mograft.body.anatomy import anatomy, suggest_joint
+from mograft.body.group_entries import Entry, Subtree, is_joint, read_entry, toml_value
 from mograft.body.joint_names import ARM, part_of_words, read_names
 from mograft.errors import join_names, suggest_name
 from mograft.motion.skeleton import Skeleton
@@ -72,6 +67,63 @@ def _group_of_part(part: str, side: str, groups: Collection[str]) -> str:
 
 _LABELS = {"upper": "upper body", "torso": "torso", "head": "neck or head", "arms": "arms"}
 _LABELS |= {"larm": "left arm", "rarm": "right arm"}
+
+
+def _channels_of_joint(joint: int, skeleton: Skeleton) -> list[tuple[int, str]]:
+    """Return a pair (joint, axis) for each rotation channel of a joint with three of them.
+
+    Other joints cannot be divided; they have the single pair (joint, "").
+    """
+    order = skeleton.rotation_order(joint)
+    return [(joint, axis) for axis in order] if len(order) == 3 else [(joint, "")]
+
+
+def _channels_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[tuple[int, str]]:
+    """Return what a group entry selects: pairs (joint, axis), or (joint, "") for whole joints.
+
+    `group` is the name of the group, for messages. Raises ValueError if a joint does not exist or
+    cannot be divided.
+    """
+    found = re.fullmatch(r"(.+)\.([XYZ])rotation", entry) if isinstance(entry, str) else None
+    if found is None or entry in skeleton.names:
+        return {(joint, "") for joint in _joints_of_entry(entry, skeleton, group)}
+    joints = _joints_of_entry(found[1], skeleton, group)
+    for joint in sorted(joints):
+        label = f"group {group!r}: {_joint_label(skeleton, joint)}"
+        if (joint, found[2]) not in _channels_of_joint(joint, skeleton):
+            got = " ".join(skeleton.channels[joint]) or "none"
+            raise ValueError(f"{label} must have three rotation channels to be divided, got {got}")
+        if skeleton.parents[joint] < 0:
+            raise ValueError(f"{label} must be in one group as a whole, because it is the root")
+    return {(joint, found[2]) for joint in joints}
+
+
+def _joints_of_entry(entry: Entry, skeleton: Skeleton, group: str) -> set[int]:
+    """Return the joints of a group entry."""
+    if isinstance(entry, Subtree):
+        tops = _joints_of_entry(entry.joint, skeleton, group)
+        return set(np.flatnonzero(skeleton.subtree_mask(tops)).tolist())
+    if isinstance(entry, int):
+        if not 0 <= entry < (n := skeleton.n_joints):
+            raise ValueError(f"group {group!r}: joint index must be 0 to {n - 1}, got {entry}")
+        return {entry}
+    names = skeleton.names
+    matches = entry.__eq__ if entry in names else lambda name: fnmatchcase(name, entry)
+    found = {joint for joint, name in enumerate(names) if matches(name)}
+    if not found:
+        hint = suggest_joint(skeleton, entry) or f"; joints are {join_names(names)}"
+        raise ValueError(f"group {group!r}: no joint is named {entry!r}{hint}")
+    return found
+
+
+def _joint_label(skeleton: Skeleton, joint: int, axis: str = "") -> str:
+    """Return the name of a joint, or of its rotation channel about `axis`, for messages.
+
+    If several joints have the name, the index of the joint is added.
+    """
+    name = skeleton.names[joint]
+    label = name if skeleton.names.count(name) == 1 else f"{name} (index {joint})"
+    return f"{label}.{axis}rotation" if axis else label
 
 
 @dataclass(frozen=True)
@@ -256,26 +308,26 @@ class JointGroups:
         owner: dict[tuple[int, str], str] = {}
         shares: dict[str, set[tuple[int, str]]] = {}
         for name, entries in self.groups.items():
-            channels = {c for e in entries for c in channels_of_entry(e, skeleton, name)}
+            channels = {c for e in entries for c in _channels_of_entry(e, skeleton, name)}
             divided = {joint for joint, axis in channels if axis}
             for joint in sorted(divided & {joint for joint, axis in channels if not axis}):
-                label = joint_label(skeleton, joint)
+                label = _joint_label(skeleton, joint)
                 expected = f"contain joint {label} as a whole or by channels"
                 raise ValueError(f"group {name!r} must {expected}, got both")
             for joint, axis in sorted(channels):
-                for key in [(joint, axis)] if axis else channels_of_joint(joint, skeleton):
+                for key in [(joint, axis)] if axis else _channels_of_joint(joint, skeleton):
                     if key in owner:
-                        label = joint_label(skeleton, joint, axis)
+                        label = _joint_label(skeleton, joint, axis)
                         got = f"{owner[key]!r} and {name!r}"
                         raise ValueError(f"joint {label} must be in one group, got {got}")
                     owner[key] = name
             shares[name] = channels
         missing: list[str] = []
         for joint in range(skeleton.n_joints):
-            lacking = [c for c in channels_of_joint(joint, skeleton) if c not in owner]
-            is_whole = len(lacking) == len(channels_of_joint(joint, skeleton))
+            lacking = [c for c in _channels_of_joint(joint, skeleton) if c not in owner]
+            is_whole = len(lacking) == len(_channels_of_joint(joint, skeleton))
             axes = [""] if is_whole else [axis for _, axis in lacking]
-            missing += [joint_label(skeleton, joint, axis) for axis in axes if lacking]
+            missing += [_joint_label(skeleton, joint, axis) for axis in axes if lacking]
         if missing:
             shown = ", ".join(dict.fromkeys(missing))
             raise ValueError(f"every joint must be in a group, got none for {shown}")
@@ -299,7 +351,11 @@ class JointGroups:
             {subtree = "Spine"},
         ]
         """
-        return groups_to_toml(self.groups, self.base)
+        lines = [f"base = {toml_value(self.base)}", "", "[groups]"]
+        for name, entries in self.groups.items():
+            values = [f"    {toml_value(entry)}," for entry in entries]
+            lines += [f"{toml_value(name)} = [", *values, "]"]
+        return "\n".join(lines) + "\n"
 
     @classmethod
     def from_toml(cls, source: str | os.PathLike[str]) -> "JointGroups":
@@ -323,9 +379,25 @@ class JointGroups:
         OSError
             If the file cannot be read.
         """
-        groups, base, place = read_groups(source)
+        is_text = isinstance(source, str) and "\n" in source
+        place = "groups" if is_text else str(source)
         try:
-            return cls(groups, base=base)
+            text = str(source) if is_text else Path(source).read_text(encoding="utf-8")
+            table = parse_document(text, "TOML")
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{place}: not UTF-8: {error}") from error
+        except ValueError as error:
+            raise ValueError(f"{place}: not valid TOML: {error}") from error
+        if set(table) - {"base", "groups"} or not isinstance(table.get("groups"), dict):
+            got = ", ".join(table) or "nothing"
+            expected = "a table [groups] and optionally base"
+            raise ValueError(f"{place}: must contain {expected}, got {got}")
+        groups: dict[str, Any] = {
+            name: [*map(read_entry, entries)] if isinstance(entries, list) else entries
+            for name, entries in table["groups"].items()
+        }
+        try:
+            return cls(groups, base=table.get("base", "lower"))
         except (TypeError, ValueError) as error:
             raise ValueError(f"{place}: {error}") from error
 
@@ -366,7 +438,6 @@ def _check_parts(preset: str, skeleton: Skeleton, found: Mapping[str, list[int]]
     missing = [] if known.joints("thigh", "shank", "foot") else ["legs"]
     missing += [label for group, label in _LABELS.items() if not found.get(group, [True])]
     if missing:
-        raise ValueError(
-            f"preset {preset!r} needs {' and '.join(missing)}, found none among the joints "
-            f"{join_names(skeleton.names)}; define the groups with JointGroups instead"
-        )
+        needs = f"preset {preset!r} needs {' and '.join(missing)}"
+        found_in = f"found none among the joints {join_names(skeleton.names)}"
+        raise ValueError(f"{needs}, {found_in}; define the groups with JointGroups instead")
