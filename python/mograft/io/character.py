@@ -9,7 +9,7 @@ from mograft.errors import join_names
 from mograft.io.clips import errors_of_file
 from mograft.io.fbx import figure_joints, load_scene, open_fbx, read_rest_pose
 from mograft.io.formats import find_format
-from mograft.io.gltf.copy_content import MAX_IMAGE_BYTES
+from mograft.io.glb import MAX_IMAGE_BYTES
 from mograft.io.gltf.document import GltfFile, read_gltf_file
 from mograft.io.gltf.writer import Addition, append_animations, transform
 from mograft.motion import rotations
@@ -46,18 +46,14 @@ def _convert_fbx(path: Path) -> GltfFile | None:
     textures = {name: content for name in scene.textures if (content := _texture(path, name))}
     limit = max(_MIN_CORNERS, _CORNERS_PER_BYTE * len(data))
     with errors_of_file(path, "meshes"):
-        found = scene.to_glb(
-            joints.tolist(), names, textures, generator=f"mograft {VERSION}", max_corners=limit
-        )
+        options = {"generator": f"mograft {VERSION}", "max_corners": limit}
+        found = scene.to_glb(joints.tolist(), names, textures, **options)
     if found is None:
         return None
     content, missing = found
     if missing:
-        warnings.warn(
-            f"{path}: left out textures, which are not PNG or JPEG files in its folder: "
-            f"{join_names(missing)}",
-            stacklevel=4,
-        )
+        text = "left out textures, which are not PNG or JPEG files in its folder"
+        warnings.warn(f"{path}: {text}: {join_names(missing)}", stacklevel=4)
     file = read_gltf_file(path, content)
     clips = open_fbx(path, rate=None, skeleton=None)
     change = file.rest.offsets, rotations.IDENTITY, scene.settings[2]

@@ -172,10 +172,9 @@ def choose_times(
     most_keys = max(map(len, key_times))
     limit = min(_FRAMES_PER_KEY * most_keys * n_nodes, _POSES_PER_BYTE * n_bytes)
     if (n_intervals + 1) * n_nodes > max(_MIN_POSE_LIMIT, limit):
-        raise ValueError(
-            f"a duration of {stop - start:.6g} s at {rate:.6g} frames per second is too long for "
-            f"{most_keys} keys of {n_nodes} nodes; choose a lower rate"
-        )
+        duration = f"a duration of {stop - start:.6g} s at {rate:.6g} frames per second"
+        given = f"{most_keys} keys of {n_nodes} nodes"
+        raise ValueError(f"{duration} is too long for {given}; choose a lower rate")
     count = 1 if stop == start else max(round(n_intervals), 1) + 1
     check_frames(count)
     return np.linspace(start, stop, count)

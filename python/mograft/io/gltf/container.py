@@ -289,10 +289,7 @@ def _read_view(
     end = start + step * (count - 1) + element
     if end > length:
         container.fail(place, f"expected elements within {length} bytes, got an end of {end}")
-    if step == element or count == 1:
-        flat = np.frombuffer(buffer, dtype, count * width, offset + start)
-        return flat.reshape(shape)
-    strides = (step, dtype.itemsize)
+    strides = (step if count > 1 else element, dtype.itemsize)  # a file may state any step of one
     return np.ndarray(shape, dtype, buffer, offset + start, strides)
 
 

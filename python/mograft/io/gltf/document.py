@@ -93,12 +93,9 @@ def read_gltf_file(path: Path, content: bytes | None = None) -> GltfFile:
     parents[0] = -1
     moved_rest = tree.rest.of(nodes, 1)
     turned, places = to_world(parents, moved_rest)
-    rest = RestPose(
-        tuple(tree.names[node] for node in joints),
-        np.maximum(parents[n_above:] - n_above, -1),
-        turned[0, n_above:],
-        places[0, n_above:],
-    )
+    own_names = tuple(tree.names[node] for node in joints)
+    own_parents = np.maximum(parents[n_above:] - n_above, -1)
+    rest = RestPose(own_names, own_parents, turned[0, n_above:], places[0, n_above:])
     with errors_of_file(path, "nodes"):
         limits.check_hierarchy(rest.names, rest.parents.tolist())
     moved, names = set(nodes.tolist()), animation_names(container.items("animations"))

@@ -96,17 +96,14 @@ def _read_transform(container: Container, item: dict[str, object], index: int) -
     place = f"nodes[{index}]"
     if "matrix" in item:
         numbers = container.floats(item["matrix"], f"{place}.matrix", 16)
-        matrix = np.array(numbers).reshape(4, 4).T
-        return decompose(matrix)
+        return decompose(np.array(numbers).reshape(4, 4).T)
     rotation = container.floats(item.get("rotation", [0, 0, 0, 1]), f"{place}.rotation", 4)
     norm = sum(value * value for value in rotation) ** 0.5
     if norm < 1e-6:
         container.fail(f"{place}.rotation", "expected a unit quaternion, got zero")
-    return [
-        *container.floats(item.get("translation", [0, 0, 0]), f"{place}.translation", 3),
-        *(value / norm for value in rotation),
-        *container.floats(item.get("scale", [1, 1, 1]), f"{place}.scale", 3),
-    ]
+    translation = container.floats(item.get("translation", [0, 0, 0]), f"{place}.translation", 3)
+    scale = container.floats(item.get("scale", [1, 1, 1]), f"{place}.scale", 3)
+    return [*translation, *(value / norm for value in rotation), *scale]
 
 
 def decompose(matrix: FloatArray) -> list[float]:

@@ -1,7 +1,7 @@
 """New animations in a copy of a glTF file."""
 
 import os
-from collections.abc import Container, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,9 +14,8 @@ from mograft._util.names import unique_names
 from mograft._util.validate import check_type
 from mograft.errors import DAMAGE, SkeletonMismatchError, suggest_name
 from mograft.io.export_figure import ROTATIONS_TO_Y_UP
-from mograft.io.glb import GltfBuffer, Json
+from mograft.io.glb import GltfBuffer, Json, copy_content
 from mograft.io.gltf.animation import Animation, animation_names
-from mograft.io.gltf.copy_content import copy_content
 from mograft.io.gltf.document import GltfFile, read_gltf_file
 from mograft.io.gltf.grafts import complete, find_original, provenance, with_provenance
 from mograft.io.gltf.nodes import SCALE_TOLERANCE, Transforms, remove_mirroring
@@ -134,10 +133,8 @@ def fit_motion(file: GltfFile, motion: Motion) -> Motion:
         cosines = (products / areas)[lengths > reach]
         if scale > 0 and cosines.min(initial=1.0) >= _MIN_COSINE:
             return transform(motion, rest.offsets, turn, scale)
-    raise SkeletonMismatchError(
-        f"{name} has another rest pose than {file.container.path}, so that its rotations do not fit"
-        f"{_REMEDY}"
-    )
+    other = f"has another rest pose than {file.container.path}, so that its rotations do not fit"
+    raise SkeletonMismatchError(f"{name} {other}{_REMEDY}")
 
 
 def transform(motion: Motion, offsets: FloatArray, turn: FloatArray, scale: float) -> Motion:
@@ -294,7 +291,7 @@ def _new_tracks(
 
 
 def _keep_channels(
-    file: GltfFile, clip: int, tracks: Container[tuple[int, str]]
+    file: GltfFile, clip: int, tracks: dict[tuple[int, str], FloatArray]
 ) -> tuple[list[Json], list[Json]]:
     """Return the channels of a clip that have no new tracks, and their samplers."""
     number = file.animations[clip]
@@ -328,30 +325,27 @@ def _local_tracks(
         np.broadcast_to(rotations.IDENTITY, nodes.rotations.shape), nodes.scales
     )
     quats, shifts = np.empty(world_turns.shape), np.empty(world_places.shape)
-    # Of each node: world rotation without mirroring, axes with scale as columns, position.
-    turns: list[FloatArray] = []
-    axes: list[FloatArray] = []
-    places: list[FloatArray] = []
+    # Of each node: world rotation without mirroring, axes with scale as columns, position. The last
+    # entry is that above the first node, whose parent is -1.
+    turns = np.tile(rotations.IDENTITY, (len(parents) + 1, n_frames, 1))
+    axes = np.tile(np.eye(3), (len(parents) + 1, n_frames, 1, 1))
+    places = np.zeros((len(parents) + 1, n_frames, 3))
     for node, parent in enumerate(parents):
-        joint = node - n_above
-        above = turns[parent] if parent >= 0 else np.tile(rotations.IDENTITY, (n_frames, 1))
-        base = axes[parent] if parent >= 0 else np.tile(np.eye(3), (n_frames, 1, 1))
-        origin = places[parent] if parent >= 0 else np.zeros((n_frames, 3))
-        mirror = half_turns[:, node]
+        joint, mirror = node - n_above, half_turns[:, node]
+        above, base, origin = turns[parent], axes[parent], places[parent]
         if joint < 0:
             own, shift = nodes.rotations[:, node], nodes.translations[:, node]
-            turns.append(rotations.multiply(above, rotations.multiply(own, mirror)))
-            places.append(origin + np.einsum("fij,fj->fi", base, shift))
+            turns[node] = rotations.multiply(above, rotations.multiply(own, mirror))
+            places[node] = origin + np.einsum("fij,fj->fi", base, shift)
         else:
-            turns.append(world_turns[:, joint])
-            places.append(world_places[:, joint])
+            turns[node], places[node] = world_turns[:, joint], world_places[:, joint]
             own = rotations.multiply(rotations.inverse(above), turns[node])
             own = rotations.multiply(own, rotations.inverse(mirror))
             quats[:, joint] = own
             fallback = nodes.translations[:, node]
             shifts[:, joint] = _solve(base, places[node] - origin, fallback)
         columns = np.stack([rotations.rotate(own, np.eye(3)[i]) for i in range(3)], axis=-1)
-        axes.append(base @ (columns * nodes.scales[:, node, None, :]))
+        axes[node] = base @ (columns * nodes.scales[:, node, None, :])
     return rotations.continuous_signs(quats), shifts
 
 
