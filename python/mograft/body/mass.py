@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from mograft.body.joint_names import ARM, LEG
 from mograft.config import CHOICES
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
-from mograft.motion.skeleton import Skeleton
+from mograft.motion.skeleton import EndSite, Skeleton
 
 # Lengths in statures: hips to ankles plus hips to head joint, and each alone. They are rounded
 # means over human skeletons of several sources. The two single lengths have a standard deviation
@@ -33,23 +34,10 @@ _DE_LEVA = {
     "foot": ((1.37, 1.29), (44.2, 40.1), (24.5, 27.9)),
 }
 # The segment to which the mass of a segment without joints is added.
-_FALLBACK_SEGMENT = {
-    "head": "trunk",
-    "hand": "forearm",
-    "forearm": "upper_arm",
-    "upper_arm": "trunk",
-    "foot": "shank",
-    "shank": "thigh",
-    "thigh": "trunk",
-}
-_SEGMENT_OF_PART = {
-    "pelvis": "trunk",
-    "clavicle": "trunk",
-    "tail": "trunk",
-    "neck": "head",
-    "finger": "hand",
-    "toe": "foot",
-}
+_LIMBS = (("hand", "forearm", "upper_arm", "trunk"), ("foot", "shank", "thigh", "trunk"))
+_FALLBACK_SEGMENT = {"head": "trunk", **dict(pair for limb in _LIMBS for pair in pairwise(limb))}
+_SEGMENT_OF_PART = dict.fromkeys(("pelvis", "clavicle", "tail"), "trunk")
+_SEGMENT_OF_PART |= {"neck": "head", "finger": "hand", "toe": "foot"}
 # Uniform rod about its middle: radius of gyration 1 / sqrt(12).
 _ROD_CENTER, _ROD_GYRATION = 0.5, 0.289
 
@@ -297,11 +285,8 @@ def _bone_vectors(skeleton: Skeleton, known: Anatomy) -> FloatArray:
         size[skeleton.parents[joint]] += size[joint]
     lengths = np.linalg.norm(skeleton.offsets, axis=1)
     bones, details = np.zeros((skeleton.n_joints, 3)), set(known.details)
-    offsets_of_sites: dict[int, list[FloatArray]] = {}
-    for site in skeleton.end_sites:
-        offsets_of_sites.setdefault(site.parent, []).append(site.offset)
     for joint, children in enumerate(skeleton.children):
-        ends = offsets_of_sites.get(joint)
+        ends = [s.offset for s in skeleton.children_and_sites[joint] if isinstance(s, EndSite)]
         main = [child for child in children if child not in details] or list(children)
         if known.parts[joint] == "other":
             continue  # an ancestor of the hips has no bone

@@ -51,9 +51,8 @@ class AmassFile:
         """
         if self.rate_name is None:
             if given is None:
-                raise self.archive.error(
-                    _RATE_NAMES[0], "expected frames per second, got no such array; give a rate"
-                )
+                message = "expected frames per second, got no such array; give a rate"
+                raise self.archive.error(_RATE_NAMES[0], message)
             return given
         shape = () if self.archive.headers[self.rate_name].shape == () else (1,)
         rate = float(self.archive.read_floats(self.rate_name, shape).reshape(()))
@@ -111,13 +110,8 @@ def open_amass(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> 
     """
     file = open_amass_file(path)
     rest, note = rest_skeleton(file.model, skeleton)
-    return single_clip(
-        path,
-        f"AMASS {file.model.name}",
-        lambda: to_motion(file, rest, rate),
-        rate,
-        notes=(note, *_notes(file)),
-    )
+    form, notes = f"AMASS {file.model.name}", (note, *_notes(file))
+    return single_clip(path, form, lambda: to_motion(file, rest, rate), rate, notes=notes)
 
 
 def _notes(file: AmassFile) -> list[str]:
@@ -203,10 +197,8 @@ def write_amass(
     omitted = [name for name in of_frames if not has_same_length and name not in kept]
     copy_npz_archive(file.archive, Path(path), replaced, set(omitted))
     if omitted:
-        warnings.warn(
-            f"{path} lacks {join_names(omitted)}, which have one row per frame of {like}",
-            stacklevel=2,
-        )
+        text = f"{join_names(omitted)}, which have one row per frame of {like}"
+        warnings.warn(f"{path} lacks {text}", stacklevel=2)
 
 
 def _in_order_of(file: AmassFile, motion: Motion) -> Motion:
@@ -221,18 +213,12 @@ def _in_order_of(file: AmassFile, motion: Motion) -> Motion:
         ordered = Skeleton(model.joints, model.parents, skeleton.offsets[order], channels)
         above = np.where(model.parents < 0, -1, np.array(order)[model.parents])
         if np.array_equal(skeleton.parents[order], above):
-            return replace(
-                motion,
-                skeleton=ordered,
-                rotations=motion.rotations[:, order],
-                positions=motion.positions[:, order],
-                channel_values=None,
-            )
-    raise SkeletonMismatchError(
-        f"`motion` must have the {len(model.joints)} joints of {model.name}, as in "
-        f"{file.archive.path}, got {skeleton.n_joints} joints, the first of which is "
-        f"{skeleton.names[0]}"
-    )
+            changes: dict[str, Any] = {"skeleton": ordered, "channel_values": None}
+            changes |= {own: getattr(motion, own)[:, order] for own in ("rotations", "positions")}
+            return replace(motion, **changes)
+    expected = f"the {len(model.joints)} joints of {model.name}, as in {file.archive.path}"
+    got = f"{skeleton.n_joints} joints, the first of which is {skeleton.names[0]}"
+    raise SkeletonMismatchError(f"`motion` must have {expected}, got {got}")
 
 
 def _check_channels(motion: Motion, file: AmassFile) -> None:
@@ -241,19 +227,16 @@ def _check_channels(motion: Motion, file: AmassFile) -> None:
     gaps = np.abs(motion.positions - skeleton.offsets)[:, 1:].max(axis=(0, 2), initial=0.0)
     moved = np.flatnonzero(gaps > POSITION_TOLERANCE * np.abs(skeleton.offsets).max(initial=1.0))
     if len(moved):
-        raise ValueError(
-            "AMASS can translate the root only, got a joint that leaves its offset, "
-            f"{skeleton.names[moved[0] + 1]}"
-        )
+        got = f"a joint that leaves its offset, {skeleton.names[moved[0] + 1]}"
+        raise ValueError(f"AMASS can translate the root only, got {got}")
     stored = np.zeros(model.n_columns, bool)
     for columns in file.columns.values():
         stored[columns] = True
     is_turned = np.abs(motion.rotations[..., :3]).max(axis=(0, 2)) > 0
     lost = np.flatnonzero(is_turned & ~stored[::3])
     if len(lost):
-        raise ValueError(
-            f"{file.archive.path} has no array for the rotations of {skeleton.names[lost[0]]}"
-        )
+        missing = f"array for the rotations of {skeleton.names[lost[0]]}"
+        raise ValueError(f"{file.archive.path} has no {missing}")
 
 
 def _merge(file: AmassFile, name: str, values: FloatArray, is_same: BoolArray) -> npt.NDArray[Any]:

@@ -21,7 +21,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
+from itertools import accumulate, pairwise, starmap
 
 import numpy as np
 
@@ -68,9 +68,8 @@ PARENT_OF_JOINT = {**_BODY, **_PALMS, **_FACE, **_hands()}
 
 def smpl_parents(joints: Sequence[str]) -> IntArray:
     """Return the index of the parent of each joint; -1 at the pelvis."""
-    return np.array(
-        [joints.index(PARENT_OF_JOINT[name]) if name != "pelvis" else -1 for name in joints]
-    )
+    parents = (PARENT_OF_JOINT[name] for name in joints)
+    return np.array([joints.index(parent) if parent else -1 for parent in parents])
 
 
 def smpl_channels(n_joints: int) -> tuple[tuple[str, ...], ...]:
@@ -103,25 +102,17 @@ class BodyModel:
         return smpl_parents(self.joints)
 
 
-SMPL = BodyModel(
-    "SMPL", (*BODY_JOINTS, *_PALMS), {"root_orient": slice(0, 3), "pose_body": slice(3, 72)}
-)
-SMPL_H = BodyModel(
-    "SMPL-H",
-    (*BODY_JOINTS, *_hands()),
-    {"root_orient": slice(0, 3), "pose_body": slice(3, 66), "pose_hand": slice(66, 156)},
-)
-SMPL_X = BodyModel(
-    "SMPL-X",
-    (*BODY_JOINTS, *_FACE, *_hands()),
-    {
-        "root_orient": slice(0, 3),
-        "pose_body": slice(3, 66),
-        "pose_jaw": slice(66, 69),
-        "pose_eye": slice(69, 75),
-        "pose_hand": slice(75, 165),
-    },
-)
+def _model(name: str, *joints: str, **widths: int) -> BodyModel:
+    """Return a body model, given the numbers of columns of the arrays of its parts, in order."""
+    bounds = pairwise(accumulate(widths.values(), initial=0))
+    return BodyModel(name, joints, dict(zip(widths, starmap(slice, bounds), strict=True)))
+
+
+_WIDTHS = {"root_orient": 3, "pose_body": 63}
+SMPL = _model("SMPL", *BODY_JOINTS, *_PALMS, root_orient=3, pose_body=69)
+SMPL_H = _model("SMPL-H", *BODY_JOINTS, *_hands(), **_WIDTHS, pose_hand=90)
+_WIDTHS |= {"pose_jaw": 3, "pose_eye": 6, "pose_hand": 90}
+SMPL_X = _model("SMPL-X", *BODY_JOINTS, *_FACE, *_hands(), **_WIDTHS)
 MODELS = (SMPL, SMPL_H, SMPL_X)
 
 
@@ -204,19 +195,15 @@ def rest_skeleton(model: BodyModel, given: Skeleton | None) -> tuple[Skeleton, s
     """
     standard = stand_in(model)
     if given is None:
-        return standard, (
-            f"offsets: a stand-in of {STATURE:g} m with published proportions, not the body of "
-            "`betas`; give a skeleton for others"
-        )
+        note = f"a stand-in of {STATURE:g} m with published proportions, not the body of `betas`"
+        return standard, f"offsets: {note}; give a skeleton for others"
     scale = UNITS[guess_unit(given)]
     indices = {_smpl_name(name): joint for joint, name in enumerate(given.names)}
     if indices.keys() >= set(BODY_JOINTS):
         return _named_skeleton(model, given, indices, scale)
     if not anatomy(given).human:
-        raise ValueError(
-            "`skeleton` must be that of a human with known joint names, "
-            f"got {join_names(given.names, 6)}"
-        )
+        expected, got = "that of a human with known joint names", join_names(given.names, 6)
+        raise ValueError(f"`skeleton` must be {expected}, got {got}")
     note = "offsets: bone lengths of the given skeleton in the T-pose of the stand-in"
     return _scale(standard, _length_ratios(standard, given, scale)), note
 
