@@ -73,16 +73,13 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
                 raise ValueError(f"expected {limit}, got {n_frames}")
             limits.check_frames(n_frames)
             limits.check_frame_time(frame_time)
-        quats, positions = scene.bake(
-            take, joints.tolist(), begin=begin, rate=1.0 / frame_time, n_frames=n_frames
-        )
-        if not (np.isfinite(quats).all() and np.isfinite(positions).all()):
+            times = {"begin": begin, "rate": 1.0 / frame_time, "n_frames": n_frames}
+            quats, positions = scene.bake(take, joints.tolist(), **times)
             is_finite = np.isfinite(quats).all(axis=2) & np.isfinite(positions).all(axis=2)
-            frame, joint = np.argwhere(~is_finite)[0]
-            owner = f"{rest.names[joint]} in frame {frame}"
-            message = f"expected finite transforms, got NaN or infinity at {owner}"
-            raise FormatError(message, path, place)
-        with errors_of_file(path, place):
+            if not is_finite.all():
+                frame, joint = np.argwhere(~is_finite)[0]
+                owner = f"{rest.names[joint]} in frame {frame}"
+                raise ValueError(f"expected finite transforms, got NaN or infinity at {owner}")
             return rebase(rest, quats, positions, frame_time, name=names[take])
 
     return Clips(path, tuple(names), load, "FBX", notes, lambda take: spans[take][1])
