@@ -97,10 +97,7 @@ def split_by_counts(items: npt.NDArray[Item], counts: IntArray) -> list[npt.NDAr
     [[0, 1], [], [2, 3, 4]]
     """
     stops = np.cumsum(counts)
-    return [
-        items[start:stop]
-        for start, stop in zip((stops - counts).tolist(), stops.tolist(), strict=True)
-    ]
+    return [items[own] for own in map(slice, (stops - counts).tolist(), stops.tolist())]
 
 
 def set_fields(owner: object, state: dict[str, Any]) -> None:

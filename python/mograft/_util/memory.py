@@ -19,10 +19,9 @@ def check_memory(work: str, n_bytes: int, remedy: str) -> None:
         return
     available = _core.available_memory()
     if n_bytes > available:
-        raise MemoryBudgetError(
-            f"{work} needs about {n_bytes / 1e9:.1f} GB of memory, and {available / 1e9:.1f} GB "
-            f"are available: {remedy}"
-        )
+        need = f"{work} needs about {n_bytes / 1e9:.1f} GB of memory"
+        rest = f"{available / 1e9:.1f} GB are available"
+        raise MemoryBudgetError(f"{need}, and {rest}: {remedy}")
 
 
 def reuse_freed_arrays() -> None:

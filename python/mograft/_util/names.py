@@ -71,10 +71,9 @@ def find_matches(argument: str, patterns: str | Iterable[str], names: Sequence[s
             if fnmatchcase(name, pattern) or fnmatchcase(name.rpartition("|")[2], pattern)
         ]
         if not own:
-            raise ValueError(
-                f"`{argument}` must match at least one of {join_names(names)}; got {pattern!r}"
-                f"{'' if set(pattern) & set('*?[') else suggest_name(pattern, names)}"
-            )
+            hint = "" if set(pattern) & set("*?[") else suggest_name(pattern, names)
+            expected = f"at least one of {join_names(names)}"
+            raise ValueError(f"`{argument}` must match {expected}; got {pattern!r}{hint}")
         found.update(own)
     return sorted(found)
 
@@ -113,7 +112,6 @@ def automatic_number(name: str) -> int | None:
     """
     _, colon, number = name.partition(":")
     if colon and not (number.isascii() and number.isdigit() and int(number) >= 2):
-        raise ValueError(
-            f"`groups` must be auto or auto:N with a whole number N of at least 2, got {name!r}"
-        )
+        expected = "auto or auto:N with a whole number N of at least 2"
+        raise ValueError(f"`groups` must be {expected}, got {name!r}")
     return int(number) if colon else None

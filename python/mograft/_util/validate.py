@@ -98,7 +98,6 @@ def as_cut_frames(frames: object, source: str) -> tuple[int, ...]:
         array = np.asarray(frames, object)
     is_whole = array.ndim == 1 and (array.dtype.kind in "iu" or not array.size)
     if not is_whole or (array < 0).any() or (np.diff(array.astype(np.int64)) <= 0).any():
-        raise ValueError(
-            f"cut frames {source} must be ascending whole numbers of at least 0, got {frames!r}"
-        )
+        expected = "ascending whole numbers of at least 0"
+        raise ValueError(f"cut frames {source} must be {expected}, got {frames!r}")
     return tuple(int(frame) for frame in array)

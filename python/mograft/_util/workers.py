@@ -105,10 +105,8 @@ class _Worker:
             self.connection.send_bytes(message)
             result, error, trace = self.connection.recv()
         except (EOFError, OSError) as broken:
-            raise MograftError(
-                "a worker process was killed, possibly because memory is exhausted; use fewer "
-                "processes"
-            ) from broken
+            reason = "possibly because memory is exhausted; use fewer processes"
+            raise MograftError(f"a worker process was killed, {reason}") from broken
         if error is not None:
             error.add_note(trace)
             raise error

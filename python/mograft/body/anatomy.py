@@ -115,10 +115,8 @@ def find_joint(skeleton: Skeleton, name: str, *, is_part: bool = False) -> int:
         return skeleton.index(name)
     joint = _counterpart(skeleton, name)
     if joint is None and is_part and not suggest_name(name, skeleton.names):
-        raise ValueError(
-            f"no joint or body part is named {name!r}, but {join_names(skeleton.names, 24)}, and "
-            "parts such as 'chest' or 'left hand'"
-        )
+        known = f"{join_names(skeleton.names, 24)}, and parts such as 'chest' or 'left hand'"
+        raise ValueError(f"no joint or body part is named {name!r}, but {known}")
     if joint is None:
         return skeleton.index(name)
     if not is_part:

@@ -70,10 +70,8 @@ class Capsules:
         `world_rotations`, xyzw, has shape (n_frames, n_joints, 4), `world_positions` (n_frames,
         n_joints, 3).
         """
-        quats, places, bones = map(
-            np.ascontiguousarray, (world_rotations, world_positions, self.bones)
-        )
-        return _core.capsule_ends(quats, places, self.joints, bones)
+        world = np.ascontiguousarray(world_rotations), np.ascontiguousarray(world_positions)
+        return _core.capsule_ends(*world, self.joints, np.ascontiguousarray(self.bones))
 
 
 def capsules(skeleton: Skeleton) -> Capsules:

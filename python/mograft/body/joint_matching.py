@@ -58,10 +58,8 @@ def match_joints(skeleton: Skeleton, other: Skeleton, name: str = "a skeleton") 
     matched = int((sources[limbs] >= 0).sum())
     if not limbs or 2 * matched < len(limbs):
         unmatched = [skeleton.names[joint] for joint in limbs if sources[joint] < 0]
-        raise SkeletonMismatchError(
-            f"{name} cannot be matched by anatomy: it has no joints that correspond to "
-            f"{join_names(unmatched) or 'arms or legs'}"
-        )
+        reason = f"no joints that correspond to {join_names(unmatched) or 'arms or legs'}"
+        raise SkeletonMismatchError(f"{name} cannot be matched by anatomy: it has {reason}")
     return JointMatch(sources, tuple(absent), tuple(other.names[joint] for joint in unused))
 
 

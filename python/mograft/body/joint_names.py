@@ -161,10 +161,8 @@ def part_of_words(words: tuple[str, ...]) -> str:
     known = set(words)
     if known & _CONTROL_WORDS:
         return ""
-    found = next(
-        (part for part, phrases in _PHRASES_OF_PART if any(phrase <= known for phrase in phrases)),
-        "",
-    )
+    parts = (part for part, phrases in _PHRASES_OF_PART if any(own <= known for own in phrases))
+    found = next(parts, "")
     if known & _FINGER_WORDS:
         found = {"": "finger", "hand": "finger", "foot": "toe"}.get(found, found)
     if found == "shoulder" and "spine" in known:

@@ -29,9 +29,8 @@ def is_loop(motion: Motion) -> bool:
         return False
     root, up = motion.locomotion_root(), up_axis(motion)
     turns = rotations.multiply(rotations.inverse(motion.rotations[0]), motion.rotations[-1])
-    change = rotations.multiply(
-        motion.rotations[-1, root], rotations.inverse(motion.rotations[0, root])
-    )
+    first, last = motion.rotations[[0, -1], root]
+    change = rotations.multiply(last, rotations.inverse(first))
     turns[root] = rotations.multiply(rotations.inverse(rotations.twist(change, up)), change)
     shifts = motion.positions[-1] - motion.positions[0]
     carriers = [root, *motion.skeleton.ancestors(root)]

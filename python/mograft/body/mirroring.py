@@ -93,14 +93,9 @@ def mirror(motion: Motion) -> Motion:
         sites.append(replace(site, parent=int(pair[site.parent]), offset=offset))
     sites.sort(key=lambda site: site.parent)
     mirrored = replace(skeleton, offsets=offsets, end_sites=tuple(sites))
-    return replace(
-        motion,
-        skeleton=mirrored,
-        rotations=quats if image.is_symmetric else rotations.continuous_signs(quats),
-        positions=positions,
-        channel_values=None,
-        **NO_FILE,
-    )
+    quats = quats if image.is_symmetric else rotations.continuous_signs(quats)
+    changes = {"rotations": quats, "positions": positions, "channel_values": None, **NO_FILE}
+    return replace(motion, skeleton=mirrored, **changes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,16 +105,14 @@ def signed_distance(polygons: FloatArray, sizes: IntArray, points: FloatArray) -
     edges, offsets = ends - starts, points[:, None] - starts
     lengths = np.linalg.norm(edges, axis=-1)
     has_length = lengths > 0
-    fractions = np.divide(
-        (offsets * edges).sum(-1), lengths**2, out=np.zeros_like(lengths), where=has_length
-    )
+    along, zeros = (offsets * edges).sum(-1), np.zeros_like(lengths)
+    fractions = np.divide(along, lengths**2, out=zeros, where=has_length)
     to_edges = offsets - fractions.clip(0.0, 1.0)[..., None] * edges
     distances = np.linalg.norm(to_edges, axis=-1).min(axis=1, initial=np.inf)
     # A point to the right of a counterclockwise edge is outside.
     crosses = edges[..., 1] * offsets[..., 0] - edges[..., 0] * offsets[..., 1]
-    right_of_edge = np.divide(
-        crosses, lengths, out=np.full_like(lengths, -np.inf), where=has_length
-    )
+    outside = np.full_like(lengths, -np.inf)
+    right_of_edge = np.divide(crosses, lengths, out=outside, where=has_length)
     is_inside = (right_of_edge.max(axis=1, initial=-np.inf) <= 0) & (sizes > 2)
     signed: FloatArray = np.where(is_inside, -distances, distances)
     return np.where(sizes > 0, signed, np.nan)

@@ -58,10 +58,7 @@ def make_skeleton() -> Skeleton:
     """Return the skeleton of the dancer: 18 joints, 57 channels, rotations in the order ZYX."""
     rotations = ("Zrotation", "Yrotation", "Xrotation")
     root = ("Xposition", "Yposition", "Zposition", *rotations)
-    return Skeleton(
-        tuple(INDEX),
-        np.array([INDEX.get(parent, -1) for _, parent, _ in JOINTS]),
-        OFFSETS,
-        (root, *[rotations] * (len(JOINTS) - 1)),
-        tuple(EndSite(INDEX[name], np.array(offset)) for name, offset in TIPS),
-    )
+    parents = np.array([INDEX.get(parent, -1) for _, parent, _ in JOINTS])
+    channels = (root, *[rotations] * (len(JOINTS) - 1))
+    tips = tuple(EndSite(INDEX[name], np.array(offset)) for name, offset in TIPS)
+    return Skeleton(tuple(INDEX), parents, OFFSETS, channels, tips)

@@ -146,12 +146,7 @@ class Clips(Sequence[Motion]):
 
 
 def single_clip(
-    path: Path,
-    format: str,  # noqa: A002 - the field of `Clips`
-    load: Callable[[], Motion],
-    rate: float | None,
-    *,
-    notes: Sequence[str] = (),
+    path: Path, form: str, load: Callable[[], Motion], rate: float | None, notes: Sequence[str] = ()
 ) -> Clips:
     """Return the clips of a file with one motion, which has the name of the file.
 
@@ -163,7 +158,7 @@ def single_clip(
             motion = load()
         return motion if rate is None else motion.resample(rate)
 
-    return Clips(path, (path.stem,), read, format, tuple(notes))
+    return Clips(path, (path.stem,), read, form, tuple(notes))
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.arrays import FloatArray, IntArray
 from mograft.body.anatomy import root_carriers
 from mograft.body.groups import JointGroups
 from mograft.body.mass import mass_model, mean_world_positions, up_axis, up_sign
@@ -56,16 +56,15 @@ class ExportTransform:
         elif not (np.isfinite(scale) and scale > 0):
             raise ValueError(f"`scale` must be above 0 metres per unit, got {scale}")
         axis = up_axis(motion)
-        return cls(float(scale), unit, axis, _rotation_to_y_up(motion, axis))
+        # The head may be below the feet on this axis.
+        is_flipped = up_sign(motion.skeleton, mean_world_positions(motion)[:, axis]) < 0
+        return cls(float(scale), unit, axis, ROTATIONS_TO_Y_UP[axis + 3 * is_flipped])
 
     @property
     def metadata(self) -> dict[str, float | str]:
         """The entries by which an exported file documents the transform."""
-        return {
-            "metres_in_a_unit": self.scale,
-            "unit": self.unit,
-            "up_in_the_motion": "xyz"[self.up_axis],
-        }
+        up = "xyz"[self.up_axis]
+        return {"metres_in_a_unit": self.scale, "unit": self.unit, "up_in_the_motion": up}
 
     def points(self, points: FloatArray) -> FloatArray:
         """Rotate and scale points or vectors, shape (..., 3)."""
@@ -97,16 +96,6 @@ def guess_unit(skeleton: Skeleton) -> str:
     return min(UNITS, key=lambda unit: abs(np.log(height * UNITS[unit] / _HUMAN_HEIGHT)))
 
 
-def _rotation_to_y_up(motion: Motion, up_axis: int) -> FloatArray:
-    """Return the rotation, xyzw, that maps the up direction of a motion to y.
-
-    The up direction is the axis `up_axis`, or the opposite direction if the mean coordinate of the
-    head on this axis is below that of the feet.
-    """
-    is_flipped = up_sign(motion.skeleton, mean_world_positions(motion)[:, up_axis]) < 0
-    return ROTATIONS_TO_Y_UP[up_axis + 3 * is_flipped]
-
-
 def check_single_precision(
     kind: str, values: FloatArray, skeleton: Skeleton, owner: str = "", hint: str = ""
 ) -> None:
@@ -122,10 +111,9 @@ def check_single_precision(
     index = tuple(np.argwhere(~(np.abs(values) <= _MAX_SINGLE))[0])
     frame = f" in frame {index[0]}" if values.ndim == 3 else ""
     owner = f" of {owner}" if owner else ""
-    raise ValueError(
-        f"the {kind} of {skeleton.names[index[-2]]}{frame}{owner} must be within the range of "
-        f"single precision, -1e38 to 1e38, got {values[index]:.6g}{hint}"
-    )
+    name, got = f"the {kind} of {skeleton.names[index[-2]]}{frame}{owner}", values[index]
+    expected = "within the range of single precision, -1e38 to 1e38"
+    raise ValueError(f"{name} must be {expected}, got {got:.6g}{hint}")
 
 
 class BoneMesh(NamedTuple):
@@ -155,7 +143,10 @@ def bone_mesh(
     offsets = np.array([site.offset for site in sites]).reshape(-1, 3)
     ends = np.concatenate([rest, rest[joints[len(rest) :]] + transform.points(offsets)])
     chosen = (joints >= 0) & ~np.isin(joints, root_carriers(skeleton))
-    chosen &= _are_visible(rest[joints], ends, thickness)
+    # Octahedra of shorter bones would degenerate in single precision.
+    shortest = 1e-5 * np.abs(rest[joints]).max(axis=1)
+    shortest = np.maximum(max(1e-5, 1e-4 * thickness), shortest)
+    chosen &= _lengths(ends - rest[joints]) >= shortest
     joints, ends = joints[chosen], ends[chosen]
     if not len(joints):
         joints = np.zeros(1, np.int64)
@@ -164,12 +155,6 @@ def bone_mesh(
     joints = np.repeat(joints, _CORNERS_PER_BONE)
     srgb = np.array([[int(c[i : i + 2], 16) / 255 for i in (1, 3, 5)] for c in PALETTE])
     return BoneMesh(points, normals, joints, srgb[group_indices[joints] % len(PALETTE)] ** 2.2)
-
-
-def _are_visible(starts: FloatArray, ends: FloatArray, thickness: float) -> BoolArray:
-    """Return which bones are long enough that their octahedra do not degenerate in float32."""
-    min_lengths = np.maximum(max(1e-5, 1e-4 * thickness), 1e-5 * np.abs(starts).max(axis=1))
-    return np.asarray(_lengths(ends - starts) >= min_lengths)
 
 
 def _octahedra(

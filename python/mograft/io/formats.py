@@ -275,14 +275,10 @@ def open_clips(path: str, *, skeleton: Skeleton | None = None) -> Clips:
     if not os.path.isfile(path):
         return read(path, skeleton=skeleton)
     status = os.stat(path)
-    state = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
-    return _read_once(path, state, skeleton)
+    state = status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
+    return _read_once(path, skeleton, *state)
 
 
 @lru_cache(maxsize=1)
-def _read_once(
-    path: str,
-    state: tuple[int, ...],  # noqa: ARG001 - part of the key
-    skeleton: Skeleton | None,
-) -> Clips:
+def _read_once(path: str, skeleton: Skeleton | None, *_state: int) -> Clips:
     return read(path, skeleton=skeleton)

@@ -79,17 +79,10 @@ _G1_ARM = (
     " side_elbow_skel side_wrist_roll_skel side_wrist_pitch_skel side_wrist_yaw_skel"
     " side_hand_roll_skel"
 )
-_G1 = _skeleton(
-    "G1",
-    "pelvis_skel",
-    _both_sides(_G1_LEG),
-    "pelvis_skel waist_yaw_skel waist_roll_skel waist_pitch_skel",
-    _both_sides(_G1_ARM),
-)
-SOMA_30 = _skeleton(
-    "SOMA", _TRUNK, _FACE, _both_sides(f"{_ARM} | {_FINGER_ENDS}"), _both_sides(_LEG)
-)
-_HANDS = _both_sides(f"{_ARM} | {_FINGERS}")
+_G1_WAIST = "pelvis_skel waist_yaw_skel waist_roll_skel waist_pitch_skel"
+_G1 = _skeleton("G1", "pelvis_skel", _both_sides(_G1_LEG), _G1_WAIST, _both_sides(_G1_ARM))
+_FISTS, _HANDS = (_both_sides(f"{_ARM} | {own}") for own in (_FINGER_ENDS, _FINGERS))
+SOMA_30 = _skeleton("SOMA", _TRUNK, _FACE, _FISTS, _both_sides(_LEG))
 SOMA_77 = _skeleton("SOMA", f"{_TRUNK} HeadEnd", _FACE, _HANDS, _both_sides(f"{_LEG} SideToeEnd"))
 _SMPL_X_22 = KimodoSkeleton("SMPL-X", BODY_JOINTS, tuple(smpl_parents(BODY_JOINTS).tolist()))
 
@@ -121,9 +114,8 @@ def open_kimodo(path: Path, *, rate: float | None, skeleton: Skeleton | None) ->
     if others:
         notes.append(f"arrays that are not part of the motion: {join_names(others)}")
     kind = SKELETONS[n_joints]
-    return single_clip(
-        path, f"Kimodo {kind.name}", lambda: _to_motion(archive, kind, n_frames), rate, notes=notes
-    )
+    form = f"Kimodo {kind.name}"
+    return single_clip(path, form, lambda: _to_motion(archive, kind, n_frames), rate, notes=notes)
 
 
 def _to_motion(archive: NpzArchive, kind: KimodoSkeleton, n_frames: int) -> Motion:

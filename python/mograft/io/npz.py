@@ -78,17 +78,17 @@ class NpzArchive(NamedTuple):
         """
         header = self.header(name, shape)
         if header.n_bytes > MAX_ARRAY_BYTES:
-            gibibytes = header.n_bytes / 2**30
-            raise self.error(name, f"expected at most 1 GiB, got {gibibytes:.1f} GiB")
+            got = f"{header.n_bytes / 2**30:.1f} GiB"
+            raise self.error(name, f"expected at most 1 GiB, got {got}")
         if kinds and header.dtype.kind not in kinds:
             raise self.error(name, f"expected {content}, got {header.dtype}")
         with _named_errors(self.path, name), zipfile.ZipFile(self.path) as archive:
             info = archive.getinfo(f"{self.prefix}{name}.npy")
             if (n_bytes := info.file_size - header.header_bytes) != header.n_bytes:
-                described = f"shape {header.shape} and type {header.dtype}"
-                raise self.error(
-                    name, f"expected {header.n_bytes} bytes for {described}, got {n_bytes}"
+                expected = (
+                    f"{header.n_bytes} bytes for shape {header.shape} and type {header.dtype}"
                 )
+                raise self.error(name, f"expected {expected}, got {n_bytes}")
             with archive.open(info) as member:
                 member.read(header.header_bytes)
                 elements = np.frombuffer(member.read(header.n_bytes), header.dtype)
@@ -108,9 +108,8 @@ class NpzArchive(NamedTuple):
             floats = np.ascontiguousarray(array, np.float64).reshape(array.shape)
         if not np.isfinite(floats).all():
             index = np.argwhere(~np.isfinite(floats))[0].tolist()
-            raise self.error(
-                name, f"expected finite numbers, got {floats[tuple(index)]} at {index}"
-            )
+            got = f"{floats[tuple(index)]} at {index}"
+            raise self.error(name, f"expected finite numbers, got {got}")
         return floats
 
     def read_integers(self, name: str, shape: Shape) -> IntArray:
@@ -340,12 +339,9 @@ def open_npz(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
 def _to_motion(archive: NpzArchive) -> Motion:
     """Return the motion in a file; if it has no name, it is named after the file."""
     if f"{archive.prefix}format" not in archive.headers:
-        raise FormatError(
-            "expected the arrays of mograft (`format`), AMASS (`poses`, `trans`) or Kimodo "
-            "(`posed_joints`, `global_rot_mats`), got "
-            f"{join_names(sorted(archive.headers)) or 'no arrays'}",
-            archive.path,
-        )
+        expected = "mograft (`format`), AMASS (`poses`, `trans`) or Kimodo (`posed_joints`, "
+        got = f"`global_rot_mats`), got {join_names(sorted(archive.headers)) or 'no arrays'}"
+        raise FormatError(f"expected the arrays of {expected}{got}", archive.path)
     given = str(archive.read("format", (), "U", "text"))
     if given != _FORMAT:
         raise archive.error("format", f"expected {_FORMAT}, got {given}")
@@ -353,30 +349,21 @@ def _to_motion(archive: NpzArchive) -> Motion:
     (n_sites,) = archive.header("end_parents", ("n_end_sites",)).shape
     n_frames = archive.header("rotations", ("n_frames", n_joints, 4)).shape[0]
     limits.check_joints(n_joints)
-    sites = map(
-        EndSite,
-        archive.read_integers("end_parents", (n_sites,)).tolist(),
-        archive.read_floats("end_offsets", (n_sites, 3)),
-        archive.read_integers("end_before", (n_sites,)).tolist(),
-        archive.read_strings("end_names", (n_sites,)),
-    )
-    skeleton = Skeleton(
-        tuple(archive.read_strings("names", (n_joints,))),
-        archive.read_integers("parents", (n_joints,)),
-        archive.read_floats("offsets", (n_joints, 3)),
-        tuple(tuple(own.split()) for own in archive.read_strings("channels", (n_joints,))),
-        tuple(sites),
-    )
-    quats = archive.read_floats("rotations", (n_frames, n_joints, 4))
+    integers, floats, strings = archive.read_integers, archive.read_floats, archive.read_strings
+    owners, tips = integers("end_parents", (n_sites,)).tolist(), floats("end_offsets", (n_sites, 3))
+    ranks, titles = integers("end_before", (n_sites,)).tolist(), strings("end_names", (n_sites,))
+    names, parents = tuple(strings("names", (n_joints,))), integers("parents", (n_joints,))
+    offsets = floats("offsets", (n_joints, 3))
+    channels = tuple(tuple(own.split()) for own in strings("channels", (n_joints,)))
+    sites = tuple(map(EndSite, owners, tips, ranks, titles))
+    skeleton = Skeleton(names, parents, offsets, channels, sites)
+    quats = floats("rotations", (n_frames, n_joints, 4))
     norms = np.linalg.norm(quats, axis=-1, keepdims=True)
-    return Motion(
-        skeleton,
-        float(archive.read_floats("frame_time", ())),
-        quats / np.where(norms > 0, norms, 1.0),
-        archive.read_floats("positions", (n_frames, n_joints, 3)),
-        name=str(archive.read("name", (), "U", "text")) or archive.path.stem,
-        path=archive.path,
-    )
+    quats = quats / np.where(norms > 0, norms, 1.0)
+    seconds = float(floats("frame_time", ()))
+    places = floats("positions", (n_frames, n_joints, 3))
+    name = str(archive.read("name", (), "U", "text")) or archive.path.stem
+    return Motion(skeleton, seconds, quats, places, name=name, path=archive.path)
 
 
 def _to_strings(values: Sequence[str]) -> npt.NDArray[np.str_]:

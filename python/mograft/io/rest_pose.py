@@ -36,9 +36,8 @@ class RestPose:
     @cached_property
     def offsets(self) -> FloatArray:
         """The positions of the joints relative to their parents, in world axes, (n_joints, 3)."""
-        return self.positions - np.where(
-            (self.parents >= 0)[:, None], self.positions[self.parents], 0.0
-        )
+        has_parent = (self.parents >= 0)[:, None]
+        return self.positions - np.where(has_parent, self.positions[self.parents], 0.0)
 
     @cached_property
     def extent(self) -> float:
@@ -93,9 +92,7 @@ def to_local(
     Joints have no scale. Shapes are those of `restore`. The local transform of the root is its
     world transform.
     """
-    return _core.local(
-        parents, np.ascontiguousarray(world_rotations), np.ascontiguousarray(world_positions)
-    )
+    return _core.local(parents, *map(np.ascontiguousarray, (world_rotations, world_positions)))
 
 
 def find_joints(parents: Sequence[int], is_member: Iterable[bool]) -> IntArray:

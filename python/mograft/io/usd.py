@@ -97,9 +97,8 @@ def usd_reasons(error: Exception) -> list[str]:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     except UnicodeDecodeError:  # usd-core quotes a file that is not text
         lines = ["expected text in UTF-8"]
-    return [
-        re.sub(r"^Error in '.*?' at line \d+ in file .*? : '(.*)'$", r"\1", own) for own in lines
-    ]
+    pattern = re.compile(r"^Error in '.*?' at line \d+ in file .*? : '(.*)'$")
+    return [pattern.sub(r"\1", own) for own in lines]
 
 
 def _has_keys(path: Path, count: int) -> bool:

@@ -69,9 +69,8 @@ class _Figure:
         """Return the rest pose of the joints of the motion."""
         turned, positions = to_world(self.parents, self.rest)
         parents = np.maximum(self.parents[self.first :] - self.first, -1)
-        return RestPose(
-            self.names[self.first :], parents, turned[0, self.first :], positions[0, self.first :]
-        )
+        first = self.first
+        return RestPose(self.names[first:], parents, turned[0, first:], positions[0, first:])
 
 
 def open_usd(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
@@ -226,11 +225,8 @@ def _bind_pose(skeleton: Any, topology: Any) -> list[Any]:  # noqa: ANN401
     bind = skeleton.GetBindTransformsAttr().Get()
     if not bind or len(bind) != topology.GetNumJoints():
         raise ValueError("expected restTransforms or bindTransforms of all joints")
-    parents = [topology.GetParent(joint) for joint in range(len(bind))]
-    return [
-        matrix if parent < 0 else matrix * bind[parent].GetInverse()
-        for matrix, parent in zip(bind, parents, strict=True)
-    ]
+    above = [(own, topology.GetParent(joint)) for joint, own in enumerate(bind)]
+    return [own if parent < 0 else own * bind[parent].GetInverse() for own, parent in above]
 
 
 def _to_transforms(matrices: Sequence[Any]) -> Transforms:
@@ -326,10 +322,8 @@ def _choose_times(
             rate = codes_per_second
     duration = float(keys[-1] - keys[0]) / codes_per_second
     if duration * rate > max(_MIN_FRAME_LIMIT, _FRAMES_PER_KEY * len(keys)):
-        raise ValueError(
-            f"a duration of {duration:.6g} s at {rate:.6g} frames per second is too long for "
-            f"{len(keys)} keys; choose a lower rate"
-        )
+        given = f"a duration of {duration:.6g} s at {rate:.6g} frames per second"
+        raise ValueError(f"{given} is too long for {len(keys)} keys; choose a lower rate")
     count = max(round(duration * rate), 1) + 1
     limits.check_frames(count)
     return np.linspace(keys[0], keys[-1], count), duration / (count - 1)

@@ -97,19 +97,18 @@ class Motion(ReadOnlyArrays):
     def __post_init__(self) -> None:
         n_joints = self.skeleton.n_joints
         quats = as_quaternions("rotations", self.rotations, ("n_frames", n_joints))
-        places = as_floats(
-            "positions", self.positions, (len(quats), n_joints, 3), limits.MAX_COORDINATE
-        )
+        shape = (len(quats), n_joints, 3)
+        places = as_floats("positions", self.positions, shape, limits.MAX_COORDINATE)
         if not len(quats):
             raise ValueError("`rotations` must hold at least one frame, got none")
         limits.check_frames(len(quats))
         frame_time = float(as_floats("frame_time", self.frame_time, ()))
         limits.check_frame_time(frame_time, "`frame_time`")
         arrays = {"rotations": quats, "positions": places}
-        shape = (len(quats), self.skeleton.n_channels)
+        per_channel = (len(quats), self.skeleton.n_channels)
         for name, kind in (("channel_values", np.float64), ("computed_values", np.bool_)):
             if getattr(self, name) is not None:
-                arrays[name] = _as_channel_array(name, getattr(self, name), shape, kind)
+                arrays[name] = _as_channel_array(name, getattr(self, name), per_channel, kind)
         views = {name: array.view() for name, array in arrays.items()}
         set_fields(self, {"frame_time": frame_time, **views})
 
@@ -228,14 +227,10 @@ class Motion(ReadOnlyArrays):
         if hinges is not None:
             own = self.skeleton.parents, quats, self.rotations, np.ones(self.n_joints, bool)
             quats = hinges.keep(*own, rate)
-        return replace(
-            self,
-            frame_time=self.duration / intervals,
-            rotations=quats,
-            positions=resample_segment_positions(self.positions, *bounds),
-            channel_values=None,
-            computed_values=None,
-        )
+        places = resample_segment_positions(self.positions, *bounds)
+        changes: dict[str, Any] = {"channel_values": None, "computed_values": None}
+        changes |= {"rotations": quats, "positions": places}
+        return replace(self, frame_time=self.duration / intervals, **changes)
 
     def locomotion_root(self) -> int:
         """Return the index of the joint that moves the body through the world.

@@ -201,13 +201,9 @@ def hermite(
     """
     at = as_floats("t", t, ("n",))
     n = len(at)
-    return _core.hermite(
-        as_quaternions("start", start, (n,)),
-        as_quaternions("end", end, (n,)),
-        as_vectors("leaving", leaving, (n,)),
-        as_vectors("reaching", reaching, (n,)),
-        at,
-    )
+    ends = as_quaternions("start", start, (n,)), as_quaternions("end", end, (n,))
+    speeds = as_vectors("leaving", leaving, (n,)), as_vectors("reaching", reaching, (n,))
+    return _core.hermite(*ends, *speeds, at)
 
 
 def continuous_signs(rotations: FloatArray) -> FloatArray:
@@ -287,11 +283,8 @@ def to_euler(
     quats = as_quaternions("rotations", rotations, ("n_frames",))
     if not set(order) <= set(_AXES) or len(set(order)) != len(order):
         raise ValueError(f"`order` must be different letters among X, Y and Z, got {order!r}")
-    start = as_floats("near", near, (3,))
-    angles = _core.to_euler(
-        quats, euler_axes(order), (float(start[0]), float(start[1]), float(start[2]))
-    )
-    return angles[:, : len(order)]
+    x, y, z = as_floats("near", near, (3,)).tolist()
+    return _core.to_euler(quats, euler_axes(order), (x, y, z))[:, : len(order)]
 
 
 def euler_axes(order: str) -> tuple[int, int, int]:

@@ -53,23 +53,16 @@ class Cursor:
             if text.startswith(mark):
                 self.text = text[len(mark) :]
                 if encoding != "utf-8":
-                    self._decode(encoding)
+                    try:
+                        self.text = self.text.decode(encoding).encode()
+                    except UnicodeError as error:
+                        self.fail(f"expected UTF-16 text, got invalid bytes: {error}")
                 self.tolerate("mark", f"a byte-order mark: the text is {encoding.upper()}")
         self.skip_white_space()
-
-    def _decode(self, encoding: str) -> None:
-        try:
-            self.text = self.text.decode(encoding).encode()
-        except UnicodeError as error:
-            self.fail(f"expected UTF-16 text, got invalid bytes: {error}")
 
     def skip_white_space(self) -> None:
         """Move to the next word."""
         self.word_start = self.offset = match_end(_WHITE_SPACE, self.text, self.offset)
-
-    def ends_in_word(self) -> bool:
-        """Return whether the text ends in a word, not in white space or padding."""
-        return self.text[-1:] not in b"\0\x1a \t\n\v\f\r"
 
     def take(self, pattern: re.Pattern[bytes]) -> bytes | None:
         """Match a pattern at the cursor, move after the match and return its first group.
@@ -81,9 +74,8 @@ class Cursor:
         if match is None:
             return None
         if match.end(1) - self.offset >= MAX_WORD_BYTES:
-            self.fail(
-                f"expected a word of fewer than {MAX_WORD_BYTES} characters, got a longer one"
-            )
+            limit = f"a word of fewer than {MAX_WORD_BYTES} characters"
+            self.fail(f"expected {limit}, got a longer one")
         self.offset = match.end()
         return match.group(1)
 
@@ -110,9 +102,8 @@ class Cursor:
         if keyword is None:
             return word
         if word != keyword:
-            self.tolerate(
-                f"case {keyword!r}", f"{describe_word(word)} read as {describe_word(keyword)}"
-            )
+            text = f"{describe_word(word)} read as {describe_word(keyword)}"
+            self.tolerate(f"case {keyword!r}", text)
         return keyword
 
     def expect(self, keyword: bytes) -> None:

@@ -141,17 +141,12 @@ def _parse_hierarchy(cursor: Cursor) -> Skeleton:
 def _to_skeleton(cursor: Cursor, joints: Sequence[_Node], sites: Sequence[_Node]) -> Skeleton:
     names, site_names = _decode_names(cursor, joints), _decode_names(cursor, sites)
     _check_names(cursor, names, joints)
+    pairs, channels = zip(sites, site_names, strict=True), tuple(own.channels for own in joints)
+    parents = np.array([own.parent for own in joints])
+    offsets = np.array([own.offset for own in joints])
     try:
-        return Skeleton(
-            names,
-            np.array([own.parent for own in joints]),
-            np.array([own.offset for own in joints]),
-            tuple(own.channels for own in joints),
-            tuple(
-                EndSite(own.parent, np.array(own.offset), own.before, name)
-                for own, name in zip(sites, site_names, strict=True)
-            ),
-        )
+        tips = [EndSite(own.parent, np.array(own.offset), own.before, name) for own, name in pairs]
+        return Skeleton(names, parents, offsets, channels, tuple(tips))
     except ValueError as error:
         cursor.fail(str(error))
 

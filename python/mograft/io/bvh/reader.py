@@ -94,16 +94,9 @@ def read_bvh(source: BvhFile, *, strict: bool = False, add_offsets: bool = False
     rotations, positions = channels_to_transforms(header.skeleton, values, add_offsets=add_offsets)
     # The name of an open file may not be a path; that of standard input is "<stdin>".
     path = Path(label) if os.path.exists(label) else None
-    return Motion(
-        header.skeleton,
-        header.frame_time,
-        rotations,
-        positions,
-        channel_values=values,
-        name="" if path is None else path.stem,
-        path=path,
-        repairs=repairs,
-    )
+    arrays, name = (rotations, positions, values), "" if path is None else path.stem
+    frame_time = header.frame_time
+    return Motion(header.skeleton, frame_time, *arrays, name=name, path=path, repairs=repairs)
 
 
 def open_bvh(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
@@ -291,7 +284,8 @@ def _check_lines(
         cursor.fail(f"{message}, got {n_frames} frames on lines of other lengths", line=line)
     if repair:
         cursor.tolerate("lines", repair, line=line)
-    if n_frames < declared and cursor.ends_in_word():
+    # The text may end in white space or padding, or in a word.
+    if n_frames < declared and cursor.text[-1:] not in b"\0\x1a \t\n\v\f\r":
         message = f"expected {declared} frames, got {n_frames} and no line end after the last"
         cursor.fail(f"{message}: its last number may be incomplete", line=last)
     if not is_declared:

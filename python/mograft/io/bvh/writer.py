@@ -104,23 +104,21 @@ def _format_blocks(motion: Motion, digits: int | None) -> Iterator[bytes]:
         raise ValueError("the skeleton must have at least one channel in a BVH file, got none")
     _check_names(skeleton)
     header, joints = _format_hierarchy(skeleton)
-    is_in_order = joints == list(range(skeleton.n_joints))
     timing = f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {motion.frame_time!r}\n"
     yield "\n".join([*header, timing]).encode()
     is_angle = np.zeros(skeleton.n_channels, bool)
     is_angle[list(chain(*skeleton.rotation_columns))] = True
     if digits is None:
         digits = max(_count_read_decimals(motion, is_angle), _MIN_DECIMALS)
-    columns = list[int]()
-    if not is_in_order:
+    columns: slice | list[int] = slice(None)
+    if joints != sorted(joints):
         columns = [column for joint in joints for column in skeleton.channel_columns[joint]]
     start = 0
     for numbers in motion.channel_blocks(max(_BLOCK_LENGTH // skeleton.n_channels, 8)):
         is_rounded = is_angle & motion.is_computed(numbers, start)
         start += len(numbers)
         numbers[is_rounded] = round_numbers(numbers[is_rounded], digits)
-        ordered = numbers if is_in_order else numbers[:, columns]
-        yield _core.format_rows(np.ascontiguousarray(ordered))
+        yield _core.format_rows(np.ascontiguousarray(numbers[:, columns]))
 
 
 def _count_read_decimals(motion: Motion, is_angle: BoolArray) -> int:
@@ -143,9 +141,9 @@ def _check_names(skeleton: Skeleton) -> None:
     tips = [(f"the end site of {skeleton.names[s.parent]}", s.name) for s in skeleton.end_sites]
     for owner, name in joints + tips:
         if _UNSUITABLE.search(name):
+            rule = "a line end, '{' or a lone surrogate, or start or end with white space"
             raise ValueError(
-                f"in a BVH file, the name of {owner} must not contain a line end, '{{' or a lone "
-                f"surrogate, or start or end with white space; got {name!r}"
+                f"in a BVH file, the name of {owner} must not contain {rule}; got {name!r}"
             )
 
 

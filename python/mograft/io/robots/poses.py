@@ -135,9 +135,8 @@ def find_quaternion_order(model: Skeleton, pose: Pose) -> tuple[str, str]:
         motion = to_motion(model, some._replace(quats=some.quats[:, columns]), TableLayout())
         turned, places = motion.world_transforms()
         x, y = turned[:, 0, 0], turned[:, 0, 1]
-        steps = np.linalg.norm(
-            np.diff(places.reshape(2, len(rows), -1, 3)[..., :2], axis=0)[0], axis=2
-        )
+        before, after = places.reshape(2, len(rows), -1, 3)[..., :2]
+        steps = np.linalg.norm(after - before, axis=2)
         lowest = places[: len(rows), :, 2].argmin(axis=1)
         slide, root = steps[np.arange(len(rows)), lowest].mean(), steps[:, 0].mean()
         share = slide / (slide + root + _MIN_STEP * height)
