@@ -89,9 +89,7 @@ def change(
     >>> (waved.motion.rotations[161:] == new.motion.rotations[161:]).all()
     np.True_
     """
-    check_whole(graft)
-    span = as_span("frames", frames)
-    source = unchanged(graft)
+    source, span = unchanged(graft), as_span("frames", frames)
     problem = plan_of(source, (*graft.request.constraints, *constraints)).problem
     part = ChangedPart.find(problem, group)
     if not span[0] < span[1] < graft.motion.n_frames:
@@ -112,19 +110,18 @@ def change(
     return apply_changes(source, problem, (*graft.changes, made))
 
 
-def check_whole(graft: Graft) -> None:
-    """Raise ValueError if the library of a graft has only the clips of the graft."""
-    if is_partial(graft.library):
-        raise ValueError("the whole library is needed to find donors: use replay(path, library)")
-
-
 def is_among(own: Constraint, constraints: Iterable[Constraint]) -> bool:
     """Return whether a constraint is one of `constraints`, not only equal to one."""
     return any(own is each for each in constraints)
 
 
 def unchanged(graft: Graft) -> Graft:
-    """Return a graft without its changes, with the same request."""
+    """Return a graft without its changes, with the same request.
+
+    Raise ValueError if the library has only the clips of the graft.
+    """
+    if is_partial(graft.library):
+        raise ValueError("the whole library is needed to find donors: use replay(path, library)")
     return graft if graft.unchanged is None else replace(graft.unchanged, request=graft.request)
 
 

@@ -13,7 +13,7 @@ from mograft._util.validate import as_integer
 from mograft.blend.recombine import splice
 from mograft.errors import join_names, suggest_frames
 from mograft.motion.motion import Motion
-from mograft.provenance.graft_change import apply_changes, check_whole, is_among, plan_of, unchanged
+from mograft.provenance.graft_change import apply_changes, is_among, plan_of, unchanged
 from mograft.search.constraint_records import UnrestoredConstraint
 from mograft.search.constraints import Constraint, overlaps
 from mograft.search.donor_constraints import Ban, KeepOriginal, Use
@@ -80,7 +80,7 @@ def edit(graft: Graft, *edits: Constraint, seed: int | None = None) -> Graft:
     >>> (edited.motion.rotations[400:] == new.motion.rotations[400:]).all()
     np.True_
     """
-    check_whole(graft)
+    changes, graft = graft.changes, unchanged(graft)
     for own in edits:
         if not isinstance(own, Constraint):
             raise TypeError(f"edits must be constraints, got {own!r}")
@@ -89,7 +89,6 @@ def edit(graft: Graft, *edits: Constraint, seed: int | None = None) -> Graft:
     if not edits:
         raise ValueError("`edits` must be one constraint or more, got none")
     seed = graft.seed if seed is None else as_integer("seed", seed)
-    changes, graft = graft.changes, unchanged(graft)
     problem = plan_of(graft, ()).problem
     rules = _resolve_edits(graft, [own for own in edits if isinstance(own, _RULES)], problem)
     added = [own for own in edits if not isinstance(own, _RULES)]

@@ -10,7 +10,7 @@ import numpy as np
 from mograft._util.arrays import BoolArray, IntArray
 from mograft._util.cancel import CancelledError
 from mograft.blend.reach_completion import ReachCompletion
-from mograft.provenance.graft_change import apply_changes, check_whole, is_among, plan_of, unchanged
+from mograft.provenance.graft_change import apply_changes, is_among, plan_of, unchanged
 from mograft.provenance.graft_edit import (
     choose_again,
     position_masks,
@@ -22,6 +22,7 @@ from mograft.provenance.graft_edit import (
 from mograft.search.constraints import Constraint, Span
 from mograft.search.donor_constraints import Ban, KeepOriginal
 from mograft.search.pose_constraints import Reach
+from mograft.search.segment_pool import list_pairs
 from mograft.search.trellis import DonorSequences, viterbi
 from mograft.solve.donor_repair import repair_near
 from mograft.solve.finish import find_motion_violations
@@ -43,7 +44,6 @@ def regenerate(graft: Graft, ranges: Ranges, seed: int, *, locked: Ranges = ()) 
     theirs. The constraints `Use` and `KeepOriginal` no longer apply to these segments. Raise
     ValueError if the library has only the clips of the graft.
     """
-    check_whole(graft)
     changes, graft = graft.changes, unchanged(graft)
     problem = plan_of(graft, ()).problem
     groups, cut = list(problem.pools), problem.base_segments
@@ -84,7 +84,6 @@ def constrain(
     the two results is returned; if this is cancelled (`mograft._util.cancel`), the first. Raise
     ValueError if the library has only the clips of the graft.
     """
-    check_whole(graft)
     changes, graft = graft.changes, unchanged(graft)
     old = graft.request.constraints
     graft, retired = _retire(graft, constraints)
@@ -116,19 +115,16 @@ def constrain(
 
 def _with_nearest(plan: GraftPlan, is_open: BoolArray) -> GraftPlan:
     """Return a plan with fewer candidates at some positions: those most like the base segment."""
-    problem, candidates = plan.problem, dict[str, list[IntArray]]()
+    problem, nearest = plan.problem, dict[tuple[str, int], IntArray]()
     for group, free in zip(problem.pools, is_open, strict=True):
-        lists, positions = list(problem.candidates[group]), np.flatnonzero(free)
+        positions = np.flatnonzero(free)
         if len(positions):
-            pool, model = problem.pools[group], problem.cost_models[group]
-            chosen, base = [lists[at] for at in positions.tolist()], problem.scenario[positions]
-            pairs = np.repeat(base, [len(own) for own in chosen]), np.concatenate(chosen)
-            costs = pool.preselection_costs(*pairs, model)
+            base, model = problem.scenario[positions], problem.cost_models[group]
+            chosen = [problem.candidates[group][at] for at in positions.tolist()]
+            costs = problem.pools[group].preselection_costs(*list_pairs(base, chosen), model)
             kept, _ = model.keep_cheapest_of_each(base, chosen, costs, _NEAREST_FACTOR)
-            for at, own in zip(positions.tolist(), kept, strict=True):
-                lists[at] = own
-        candidates[group] = lists
-    return replace(plan, problem=replace(problem, candidates=candidates))
+            nearest |= {(group, at): own for at, own in zip(positions.tolist(), kept, strict=True)}
+    return replace_candidates(plan, lambda group, at, own: nearest.get((group, at), own))
 
 
 def _choose_near(plan: GraftPlan, *, is_open: BoolArray) -> DonorSequences:
