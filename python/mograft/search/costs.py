@@ -169,14 +169,6 @@ def excess(amounts: FloatArray) -> FloatArray:
     return np.maximum(amounts - 1.0, 0.0)
 
 
-def infeasible_costs(amounts: FloatArray) -> FloatArray:
-    """Return the cost of each violation, given its amount as a multiple of the tolerance.
-
-    The cost is ``INFEASIBLE_PENALTY · (1 + amount)`` for amounts above 1, and 0 for others.
-    """
-    return np.where(amounts > 1.0, INFEASIBLE_PENALTY * (1.0 + amounts), 0.0)
-
-
 @dataclass(frozen=True, eq=False)
 class ConstraintViolations:
     """Violation amounts of n candidates, combined over the hard and over the soft constraints."""
@@ -208,8 +200,12 @@ class ConstraintViolations:
         return self.hard <= 1.0
 
     def costs(self) -> FloatArray:
-        """Return the sum of all constraint costs of each candidate, shape (n,)."""
-        return infeasible_costs(self.hard) + self.soft
+        """Return the sum of all constraint costs of each candidate, shape (n,).
+
+        The greatest violation of a hard constraint costs ``INFEASIBLE_PENALTY · (1 + amount)`` if
+        its amount is above 1.
+        """
+        return np.where(self.is_feasible, 0.0, INFEASIBLE_PENALTY * (1.0 + self.hard)) + self.soft
 
 
 def origin_violations(

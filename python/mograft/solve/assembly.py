@@ -106,10 +106,8 @@ def pose_excess(problem: SearchProblem, poses: Poses) -> FloatArray:
 
     It is the sum over the grafted groups of max(0, greatest violation amount - 1).
     """
-    zeros = np.zeros(len(poses))
-    return sum(
-        (_joint_excess(problem, poses, own) for own in problem.driven_joints.values()), zeros
-    )
+    each = (_joint_excess(problem, poses, own) for own in problem.driven_joints.values())
+    return sum(each, np.zeros(len(poses)))
 
 
 def donor_excess(problem: SearchProblem, donors: DonorSequences) -> dict[str, FloatArray]:

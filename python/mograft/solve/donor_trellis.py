@@ -187,11 +187,9 @@ def candidate_poses(
         root = problem.library.root
         donor_roots = _resample_roots(problem, taken, counts)
         if root_start is None:
-            at_start = segments.start[positions]
-            root_start = RootTransforms.from_motion(context, root)[at_start]
-        transform = AlignmentTransform.from_roots(
-            donor_roots[starts], root_start, problem.library.up
-        )
+            root_start = RootTransforms.from_motion(context, root)[segments.start[positions]]
+        begins, up = donor_roots[starts], problem.library.up
+        transform = AlignmentTransform.from_roots(begins, root_start, up)
         moved = transform[np.repeat(np.arange(len(positions)), counts)].apply(donor_roots)
         moved = moved.relative_to_parent(context, frames, root)
         local[:, root], offsets[:, root] = moved.rotations, moved.positions
@@ -205,9 +203,8 @@ def advance_root(
     """Return the root transforms at the ends of n donors, given those at their starts."""
     ends = _resample_roots(problem, problem.library.segments[donors], np.full(len(donors), 2))
     at = 2 * np.arange(len(donors))
-    return AlignmentTransform.from_roots(ends[at], root_start, problem.library.up).apply(
-        ends[at + 1]
-    )
+    moves = AlignmentTransform.from_roots(ends[at], root_start, problem.library.up)
+    return moves.apply(ends[at + 1])
 
 
 def _insert_rotations(
