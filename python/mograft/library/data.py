@@ -190,17 +190,14 @@ class LibraryData:
 
     def pool(self, group: str) -> SegmentPool:
         """Return all segments with the data for the donor search of a group; built on first use."""
-        if group not in self._pools:
-            self._pools[group] = self._build_pool(group)
-        return self._pools[group]
-
-    def _build_pool(self, group: str) -> SegmentPool:
+        if group in self._pools:
+            return self._pools[group]
         base = self.groups.base
         embedding, joints = self.embedding[base], self.joints(group)
         held = self.groups.divided_channels(self.skeleton)[group]
         states = restrict_ends(self.boundary_states[group], joints, self.skeleton, held)
         boundary = BoundaryStates(**states)
-        return SegmentPool(
+        pool = self._pools[group] = SegmentPool(
             self.segments,
             self.labels[base],
             self.is_donor,
@@ -211,6 +208,7 @@ class LibraryData:
             balance=self._balance_of(joints),
             parts=SegmentParts(self.samples, boundary, self.skeleton, joints, self.root, held),
         )
+        return pool
 
     def _balance_of(self, joints: IntArray) -> SegmentBalance | None:
         """Return what the donor search needs to compare the balance of donors for these joints.

@@ -243,10 +243,10 @@ def has_provenance(path: Path) -> bool:
         document = parse_document(provenance.read_bytes()) if provenance.is_file() else None
     except (OSError, ValueError):
         return False
-    schema = document.get("schema") if isinstance(document, dict) else None
-    if not isinstance(schema, str) or not schema.startswith("mograft.graft/"):
+    if not isinstance(document, dict) or not str(document.get("schema")).startswith(
+        "mograft.graft/"
+    ):
         return False
-    assert document is not None  # it has a schema
     warn_of_other_motion(document, provenance)
     return True
 
