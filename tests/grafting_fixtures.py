@@ -8,7 +8,7 @@ import pytest
 import mograft as mg
 import mograft.constraints as mc
 from mograft.dancer import dance
-from mograft.solve.search_problem import SearchProblem
+from mograft.solve.plan import GraftPlan
 
 
 @pytest.fixture(scope="session")
@@ -23,30 +23,18 @@ def root_library():
 
 
 @pytest.fixture(scope="session")
-def make_problem():
-    """Return a function that makes the search problem of a library's first clip."""
-
-    def make(library, constraints=(), groups=("lower",)):
-        scenario = library.segments.of_clip(0)
-        segments = library.segments[scenario]
-        base = library.clips[0]
-        return SearchProblem.build(library, base, scenario, segments, list(groups), constraints)
-
-    return make
+def wall(root_library):
+    """Return a wall across the middle of the hips' path in a graft of `root_library`."""
+    motion = mg.graft(root_library).motion
+    hips = motion.world_positions()[:, motion.skeleton.index("Hips")] * [1, 0, 1]
+    farthest = hips[np.linalg.norm(hips - hips[0], axis=1).argmax()]
+    point = hips[0] + 0.5 * (farthest - hips[0])
+    return mc.KeepOut("Hips", mc.HalfSpace(tuple(point), tuple(hips[0] - farthest)))
 
 
-@pytest.fixture(scope="session")
-def make_wall():
-    """Return a function that makes a wall across part of the hips' path in a graft."""
-
-    def make(library, share=0.5):
-        motion = mg.graft(library).motion
-        hips = motion.world_positions()[:, motion.skeleton.index("Hips")] * [1, 0, 1]
-        farthest = hips[np.linalg.norm(hips - hips[0], axis=1).argmax()]
-        point = hips[0] + share * (farthest - hips[0])
-        return mc.KeepOut("Hips", mc.HalfSpace(tuple(point), tuple(hips[0] - farthest)))
-
-    return make
+def make_problem(library, constraints=(), groups=None):
+    """Return the search problem of a library's first clip."""
+    return GraftPlan.build(library, 0, groups, constraints).problem
 
 
 @pytest.fixture(scope="session")

@@ -135,6 +135,11 @@ def assert_same_rotations(actual, desired, atol=1e-12):
     np.testing.assert_array_less(gaps, atol)
 
 
+def with_config(library, **changes):
+    """Return a library with other fields of the configuration, without new clusters."""
+    return replace(library, config=replace(library.config, **changes))
+
+
 def scale_skeleton(skeleton, factor):
     """Return a skeleton in another unit."""
     sites = [replace(site, offset=site.offset * factor) for site in skeleton.end_sites]

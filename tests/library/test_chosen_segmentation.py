@@ -74,13 +74,6 @@ def test_library_with_a_function_works_in_memory_and_cannot_be_stored(folder, tm
     assert not list(tmp_path.iterdir())
 
 
-def test_stream_refuses_segmentations_that_need_later_frames(folder):
-    for chosen in ({"a": [9], "b": [9]}, every_eighth):
-        library = mg.Library.build(folder, config=mg.Config(segmentation=chosen))
-        with pytest.raises(ValueError, match="segmentation` must be 'energy'"):
-            mg.Stream(library)
-
-
 def test_view_and_plot_show_the_segments_of_the_configuration():
     config = mg.Config(segmentation=every_eighth)
     page = mg.view(DANCE[:300], config=config, show=False)

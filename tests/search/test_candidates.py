@@ -1,4 +1,4 @@
-"""Properties of candidate generation and listing."""
+"""Properties of candidates: neighbourhoods, lists and listed costs."""
 
 import re
 from dataclasses import replace
@@ -14,11 +14,11 @@ from mograft import Config, Segments
 from mograft.dancer import dance
 from mograft.search.costs import length_fits
 from mograft.search.donor_choice import DONOR_CHOICES, cost_model
-from mograft.search.neighbourhoods import FEWEST_DONORS, NEIGHBOURHOODS
+from mograft.search.neighbourhoods import FEWEST_DONORS, NEIGHBOURHOODS, ClusterMembers
 from mograft.search.trellis import DonorTrellis
 from mograft.solve.candidates import count_combinations, list_candidates
 from mograft.solve.donor_trellis import build_trellis
-from mograft.solve.search_problem import SearchProblem
+from tests.grafting_fixtures import make_problem
 from tests.oracles import search as oracle
 from tests.strategies import SEEDS, few_examples
 
@@ -211,12 +211,8 @@ def test_listed_cost_is_that_of_the_search_beside_the_base_neighbours(
 ):
     config = replace(library.config, choice=choice, neighbourhood=neighbourhood)
     library = replace(library, config=config)
-    constraints = CONSTRAINTS[kind]
-    scenario = library.segments.of_clip(0)
-    base_segments = library.segments[scenario]
-    base = library.clips[0]
-    problem = SearchProblem.build(library, base, scenario, base_segments, ["upper"], constraints)
-    trellis = build_trellis(problem, "upper", {})
+    constraints, scenario = CONSTRAINTS[kind], library.segments.of_clip(0)
+    trellis = build_trellis(make_problem(library, constraints), "upper", {})
     beside = trellis.costs.conditional_costs(trellis.path(scenario))
     n_compared = 0
     for position, segment in list(enumerate(scenario.tolist()))[::7]:
@@ -226,3 +222,56 @@ def test_listed_cost_is_that_of_the_search_beside_the_base_neighbours(
             assert costs[member] == pytest.approx(cost, rel=1e-12, abs=1e-12)
             n_compared += member != segment
     assert n_compared
+
+
+N = 30
+SIGMAS = st.sampled_from([0.0, 0.5, 2.0, 4.0, 1e3])
+
+
+def find_members(name, seed, sigma, *, is_grid=False):
+    """Return labels and points of random segments, and the members that a neighbourhood finds."""
+    rng = np.random.default_rng(seed)
+    # On the grid many distances are equal, also to the radius.
+    points = rng.integers(0, 4, (N, 3)) * 0.5 if is_grid else rng.normal(size=(N, 3))
+    points.setflags(write=False)  # the last sorted points are kept: another array is not these
+    labels = rng.integers(0, 5, N)
+    members = NEIGHBOURHOODS[name].find_members(labels, points, sigma, np.arange(N))
+    return labels, points, members
+
+
+@given(SEEDS, SIGMAS, st.booleans())
+def test_ball_members_match_the_oracle(seed, sigma, is_grid):
+    _, points, members = find_members("ball", seed, sigma, is_grid=is_grid)
+    for base, found in enumerate(members):
+        distances = [np.linalg.norm(point - points[base]) for point in points]
+        expected = [k for k in range(N) if distances[k] <= sigma]
+        assert found.tolist() == expected
+
+
+@given(SEEDS, st.floats(100, 308), st.integers(0, 3))
+def test_ball_members_are_found_beside_points_of_any_size(seed, exponent, column):
+    """The points of a damaged library are far from all others, and cause no warning."""
+    rng, ball = np.random.default_rng(seed), NEIGHBOURHOODS["ball"]
+    points = rng.normal(size=(N, 4))
+    huge = rng.random(N) < 0.1
+    points[huge, column] = rng.choice([-1.0, 1.0], huge.sum()) * 10.0**exponent
+    members = ball.find_members(np.arange(N), points, 1.0, np.arange(N))
+    usual = np.flatnonzero(~huge)
+    alone = ball.find_members(np.arange(len(usual)), points[usual], 1.0, np.arange(len(usual)))
+    for index, own in zip(usual, alone, strict=True):
+        assert members[index].tolist() == usual[own].tolist()
+
+
+@given(SEEDS, SIGMAS)
+def test_ball_near_a_new_point_is_that_of_a_segment_at_the_point(seed, sigma):
+    labels, points, members = find_members("ball", seed, sigma, is_grid=True)
+    by_cluster = ClusterMembers.from_labels(labels, points)
+    for base, expected in enumerate(members):
+        found, distances = NEIGHBOURHOODS["ball"].find_near(by_cluster, points[base], sigma)
+        np.testing.assert_array_equal(found, expected)
+        np.testing.assert_allclose(distances, np.linalg.norm(points[found] - points[base], axis=1))
+
+
+def test_ball_without_an_embedding_is_the_base_segment():
+    members = NEIGHBOURHOODS["ball"].find_members(np.arange(4), None, 0.0, np.array([2, 0]))
+    assert [own.tolist() for own in members] == [[2], [0]]

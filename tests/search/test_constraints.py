@@ -19,7 +19,8 @@ from mograft.search.donor_choice import cost_model
 from mograft.solve.assembly import assemble, donor_excess
 from mograft.solve.donor_repair import repair_donors
 from mograft.solve.donor_trellis import build_trellis, candidate_poses
-from mograft.solve.search_problem import SearchProblem, resolve_segments
+from mograft.solve.search_problem import resolve_segments
+from tests.grafting_fixtures import make_problem
 from tests.oracles.capsules import capsule_distances
 from tests.strategies import SEEDS, few_examples, vectors
 
@@ -39,12 +40,6 @@ def library(motion):
 @pytest.fixture(scope="module")
 def poses(motion):
     return mg.Poses.from_motion(motion[:200])
-
-
-def build_problem(library, constraints, groups=("upper",)):
-    scenario = library.segments.of_clip(0)
-    cut, base = library.segments[scenario], library.clips[0]
-    return SearchProblem.build(library, base, scenario, cut, list(groups), constraints)
 
 
 # Errors
@@ -214,10 +209,10 @@ def test_donors_of_every_choice_satisfy_random_constraints_or_violations_name_th
     rng, pool = np.random.default_rng(seed), library.pool("upper")
     angle = mc.MaxAngle(float(rng.uniform(0.1, 0.8)))
     rules = [*(random_rule(rng, library) for _ in range(3)), angle]
-    problem, segments = build_problem(chosen, rules), library.segments
+    problem, segments = make_problem(chosen, rules), library.segments
     graft = mg.graft(chosen, constraints=rules, seed=seed % 7)
     donors, unmet = graft.donors["upper"], set()
-    lists = build_problem(chosen, []).candidates["upper"]
+    lists = make_problem(chosen, []).candidates["upper"]
     for base, free in enumerate(lists):
         is_listed, is_allowed = np.zeros((2, len(segments)), bool)
         is_listed[free], is_allowed[:] = True, True
@@ -340,8 +335,8 @@ def reachable_target(problem, rng):
 @example(772)  # seams two positions away move the hand
 def test_repair_reaches_what_one_substitution_reaches(library, seed):
     rng = np.random.default_rng(seed)
-    target, frame = reachable_target(build_problem(library, []), rng)
-    problem = build_problem(library, [mc.Reach(HAND, target, frame)])
+    target, frame = reachable_target(make_problem(library, []), rng)
+    problem = make_problem(library, [mc.Reach(HAND, target, frame)])
     trellises = {"upper": build_trellis(problem, "upper", {})}
     donors = {"upper": np.array([rng.choice(own) for own in trellises["upper"].candidates])}
     repaired = repair_donors(problem, donors, trellises)
@@ -386,7 +381,7 @@ def test_candidates_refused_names_constraint_and_amount(library):
     free = mg.candidates(library, segment, "upper")
     judged = mg.candidates(library, segment, "upper", [reach, mc.NotFrom("second")])
     assert judged.allowed[0].segment == segment
-    problem = build_problem(library, [reach])
+    problem = make_problem(library, [reach])
     for candidate in (*judged.allowed, *judged.refused):
         pair = np.array([segment]), np.array([candidate.segment])
         poses = candidate_poses(problem, "upper", *pair)

@@ -14,6 +14,7 @@ from mograft.solve.donor_repair import rank_substitutions, tabu_search
 from mograft.solve.donor_trellis import build_trellis, candidate_poses
 from mograft.solve.plan import GraftPlan
 from mograft.synthesis.graft_building import build_graft
+from tests.grafting_fixtures import make_problem
 from tests.strategies import SEEDS, few_examples
 
 HAND, HIPS = "LeftHand", "Hips"
@@ -21,9 +22,7 @@ HAND, HIPS = "LeftHand", "Hips"
 
 @settings(max_examples=2, deadline=None)
 @given(SEEDS)
-def test_rank_substitutions_predicted_violation_matches_each_moved_motion(
-    root_library, make_problem, seed
-):
+def test_rank_substitutions_predicted_violation_matches_each_moved_motion(root_library, seed):
     rng, root = np.random.default_rng(seed), root_library.root
     # Every pose violates the wall, by the distance of the hips along x.
     wall = mc.KeepOut(HIPS, mc.HalfSpace((900.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
@@ -56,9 +55,7 @@ def test_rank_substitutions_predicted_violation_matches_each_moved_motion(
 @pytest.mark.parametrize("group", ["lower", "upper"])
 @few_examples(2)
 @given(SEEDS)
-def test_donor_excesses_in_a_range_are_those_of_the_grafts(
-    root_library, two_dances, make_problem, group, seed
-):
+def test_donor_excesses_in_a_range_are_those_of_the_grafts(root_library, two_dances, group, seed):
     library = {"lower": root_library, "upper": two_dances}[group]
     library = replace(library, config=replace(library.config, self_repair=False))
     sky = mc.KeepOut(HAND, mc.HalfSpace((0.0, 900.0, 0.0), (0.0, 1.0, 0.0)))
@@ -76,10 +73,8 @@ def test_donor_excesses_in_a_range_are_those_of_the_grafts(
         np.testing.assert_allclose(excess, error - 1.0, rtol=1e-4)
 
 
-def test_tabu_search_unreachable_target_returns_the_best_evaluated_sequence(
-    root_library, make_problem, make_wall
-):
-    problem = make_problem(root_library, [make_wall(root_library)])
+def test_tabu_search_unreachable_target_returns_the_best_evaluated_sequence(root_library, wall):
+    problem = make_problem(root_library, [wall])
     trellises = {"lower": build_trellis(problem, "lower", {})}
     unreachable = replace(problem, constraints=(mc.Reach(HIPS, (500.0, 900.0, 0.0), 500),))
     seen = []
@@ -95,9 +90,8 @@ def test_tabu_search_unreachable_target_returns_the_best_evaluated_sequence(
     assert seen[0] > total(found) == min(seen) > 0
 
 
-def test_tabu_search_evaluates_the_finished_motion(root_library, make_problem, make_wall):
-    wall, root = make_wall(root_library), root_library.root
-    problem = make_problem(root_library, [wall])
+def test_tabu_search_evaluates_the_finished_motion(root_library, wall):
+    problem, root = make_problem(root_library, [wall]), root_library.root
     trellises = {"lower": build_trellis(problem, "lower", {})}
     donors = tabu_search(problem, problem.captured_donors, trellises, lambda motion, _: motion)
     outward = np.array(wall.region.normal) / np.linalg.norm(wall.region.normal)
@@ -120,9 +114,8 @@ def test_tabu_search_evaluates_the_finished_motion(root_library, make_problem, m
 
 
 @pytest.mark.parametrize("choice", ["viterbi", "sample", "random"])
-def test_graft_with_a_wall_keeps_the_hips_on_one_side(root_library, make_wall, choice):
+def test_graft_with_a_wall_keeps_the_hips_on_one_side(root_library, wall, choice):
     library = replace(root_library, config=replace(root_library.config, choice=choice, feet="auto"))
-    wall = make_wall(root_library)
     error, _ = wall.errors(mg.Poses.from_motion(mg.graft(root_library).motion))
     assert error.max() > 1.0
     graft = mg.graft(library, constraints=[wall])

@@ -20,7 +20,7 @@ from mograft.solve import defects
 from mograft.solve.assembly import Assembly, Excerpt
 from mograft.solve.plan import GraftPlan
 from mograft.solve.self_repair import self_repair
-from tests.strategies import few_examples
+from tests.strategies import few_examples, with_config
 
 HALF_WIDTH = 4  # frames at 30 frames per second
 LIMITS = np.array([defects.MAX_SEAM_RATIO, defects.MAX_SEAM_RATIO, defects.MAX_JERK_RATIO, 1.0])
@@ -39,10 +39,6 @@ def libraries(library, root_library):
     """One or several exchanged groups, or one that drives the root."""
     four_groups = mg.Library.build(dance(seed=1, strides=2).motion, "lower_torso_larm_rarm")
     return library, four_groups, root_library
-
-
-def with_config(library, **changes):
-    return replace(library, config=replace(library.config, **changes))
 
 
 def build_plan(library, seed, constraints=()):

@@ -1,7 +1,7 @@
 """`Stream`: chunks, later frames, donor choice, seams, constraints, memory, invalid arguments."""
 
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -13,11 +13,10 @@ import mograft.constraints as mc
 from mograft.blend.transplant import GraftedGroup, transplant
 from mograft.dancer import dance
 from mograft.motion import rotations
-from mograft.solve.donor_trellis import build_trellis
-from mograft.solve.search_problem import SearchProblem
+from mograft.solve.plan import GraftPlan
 from mograft.stream.server import StreamServer
 from tests.oracles import search as oracle
-from tests.strategies import assert_same_rotations
+from tests.strategies import assert_same_rotations, with_config
 
 HAND = "LeftHand"
 FEW_EXAMPLES = settings(max_examples=6)
@@ -49,10 +48,6 @@ def stream_pieces(library, base, chunks=(10_000,), **options):
         first, n_pushes = first + size, n_pushes + 1
     stream.close()
     return pieces + stream.pieces()
-
-
-def with_choice(library, choice, **changes):
-    return replace(library, config=replace(library.config, choice=choice, **changes))
 
 
 def list_donors(pieces):
@@ -88,7 +83,7 @@ def test_stream_any_chunks_give_identical_pieces(
     is_constrained, has_several_groups = kind
     constraints = [ball_at_hand(base), mc.AvoidSelf()] if is_constrained else []
     options = {"horizon": horizon, "delay": delay, "constraints": constraints}
-    configured = with_choice(several if has_several_groups else library, choice)
+    configured = with_config(several if has_several_groups else library, choice=choice)
     expected = stream_pieces(configured, base, **options)
     pieces = stream_pieces(configured, base, chunks, **options)
     assert repr([p.substitutions for p in pieces]) == repr([p.substitutions for p in expected])
@@ -97,7 +92,7 @@ def test_stream_any_chunks_give_identical_pieces(
 
 
 def test_stream_pieces_cover_the_base_and_keep_its_other_joints(library, base):
-    pieces = stream_pieces(with_choice(library, "sample"), base, (17,))
+    pieces = stream_pieces(with_config(library, choice="sample"), base, (17,))
     assert pieces[0].start == 0
     assert pieces[-1].stop == base.n_frames - 1
     assert all(a.stop + 1 == b.start for a, b in pairwise(pieces))
@@ -141,11 +136,8 @@ def test_stream_all_donors_excluded_returns_the_base(library, base):
 
 def whole_base_search(library, base):
     """Return the search problem and the trellis for the whole base."""
-    longer, clip = library.resolve_base(base)
-    scenario = longer.segments.of_clip(clip)
-    segments = longer.segments[scenario]
-    problem = SearchProblem.build(longer, longer.clips[clip], scenario, segments, ["upper"], [])
-    return problem, build_trellis(problem, "upper", {})
+    plan = GraftPlan.build(library, base, None, ())
+    return plan.problem, plan.trellises["upper"]
 
 
 @pytest.mark.parametrize("neighbourhood", ["cluster", "ball"])
@@ -154,7 +146,7 @@ def test_stream_horizon_beyond_the_end_chooses_the_donors_of_graft(
     request, base, neighbourhood, fixture
 ):
     changes = {"neighbourhood": neighbourhood, "self_repair": False}
-    configured = with_choice(request.getfixturevalue(fixture), "viterbi", **changes)
+    configured = with_config(request.getfixturevalue(fixture), choice="viterbi", **changes)
     pieces, graft = stream_pieces(configured, base, horizon=1000), mg.graft(configured, base)
     assert len(pieces[0].substitutions) == len(graft.donors)
     for group in graft.donors:
@@ -171,7 +163,7 @@ def test_stream_horizon_beyond_the_end_chooses_the_donors_of_graft(
 @pytest.mark.parametrize("horizon", [1, 2, 3, 8])
 def test_stream_each_donor_is_of_the_cheapest_sequence_in_the_horizon(library, base, horizon, seam):
     """With "gradient", the second donor of a sequence is the first one of the next."""
-    configured = with_choice(library, "viterbi", seam=seam)
+    configured = with_config(library, choice="viterbi", seam=seam)
     _, trellis = whole_base_search(configured, base)
     unary, pairwise_costs, path = trellis.costs.unary, trellis.costs.pairwise, []
     following = None
@@ -199,7 +191,7 @@ def test_stream_seams_equal_those_of_transplanted_segment_pairs(library, base):
     `seam_blend` is the minimum segment length, because a blend that outlasts a segment differs.
     """
     options = {"seam": "inertial", "torso": "pelvis", "seam_blend": library.config.min_length}
-    configured = with_choice(library, "sample", **options)
+    configured = with_config(library, choice="sample", **options)
     problem, _ = whole_base_search(configured, base)
     longer, joints = problem.library, problem.library.joints("upper")
     pieces = stream_pieces(configured, base)
@@ -225,7 +217,7 @@ def test_stream_seams_equal_those_of_transplanted_segment_pairs(library, base):
 def test_stream_gradient_seams_are_as_smooth_as_those_of_all_segments_together(
     library, base, horizon
 ):
-    configured = with_choice(library, "sample", seam="gradient", torso="pelvis")
+    configured = with_config(library, choice="sample", seam="gradient", torso="pelvis")
     pieces = stream_pieces(configured, base, horizon=horizon)
     motion, joints = mg.join_pieces(pieces), library.joints("upper")
     problem, _ = whole_base_search(configured, base)
@@ -263,7 +255,7 @@ def test_stream_quaternions_of_opposite_signs_continue_between_pieces(library, b
 def test_stream_hard_constraint_violations_are_listed_and_fewer_than_without(
     request, base, fixture, choice
 ):
-    configured = with_choice(request.getfixturevalue(fixture), choice)
+    configured = with_config(request.getfixturevalue(fixture), choice=choice)
     unconstrained = mg.Poses.from_motion(mg.join_pieces(stream_pieces(configured, base)))
     n_without, n_with = 0, 0
     for frame in (40, 100, 160, 220):
@@ -289,7 +281,9 @@ def test_stream_constraint_that_all_candidates_satisfy_changes_nothing(
     With it, the treatment "gradient" is that of "inertial".
     """
     far = mc.Avoid(mc.Sphere((1e5, 0.0, 0.0), 1.0))
-    inertial, gradient = (with_choice(library, choice, seam=s) for s in ("inertial", "gradient"))
+    inertial, gradient = (
+        with_config(library, choice=choice, seam=s) for s in ("inertial", "gradient")
+    )
     expected = stream_pieces(inertial, base, horizon=horizon)
     for own in (inertial, gradient):
         pieces = stream_pieces(own, base, horizon=horizon, constraints=[far])
@@ -318,7 +312,7 @@ def test_stream_changed_constraints_apply_to_segments_that_are_not_committed(lib
 
 def test_stream_max_angle_set_after_a_donor_lists_the_violated_seam(library, base):
     limit = np.radians(0.01)
-    stream = mg.Stream(with_choice(library, "viterbi"))
+    stream = mg.Stream(with_config(library, choice="viterbi"))
     stream.push(base)
     while stream.advance().substitutions[0].is_own:
         pass
@@ -506,8 +500,8 @@ def test_stream_group_with_legs_or_root_raises_value_error(library):
 
 
 def test_stream_unsupported_config_raises_value_error(library):
-    other = replace(library, config=replace(library.config, segmentation={"a": [3]}))
-    for make in (mg.Stream, StreamServer):
+    others = (with_config(library, segmentation=own) for own in ({"a": [3]}, lambda _: [3]))
+    for make, other in product((mg.Stream, StreamServer), others):
         with pytest.raises(
             ValueError, match=r"`Config\.segmentation` must be 'energy' in a stream"
         ):

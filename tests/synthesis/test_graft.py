@@ -14,7 +14,7 @@ import mograft.constraints as mc
 from mograft import Config, JointGroups, Library, graft, graft_many, read_bvh, write_bvh
 from mograft.dancer import dance
 from mograft.motion import rotations
-from tests.strategies import transform_motion
+from tests.strategies import transform_motion, with_config
 
 
 @pytest.fixture(scope="module")
@@ -25,10 +25,6 @@ def motion():
 @pytest.fixture(scope="module")
 def library(motion):
     return Library.build(motion, "lower_torso_larm_rarm")
-
-
-def with_choice(library, choice, **changes):
-    return replace(library, config=replace(library.config, choice=choice, **changes))
 
 
 def columns(motion, joints):
@@ -48,7 +44,7 @@ def test_graft_base_group_keeps_every_channel_value(library, motion):
 def test_graft_same_seed_gives_identical_files(library, motion, tmp_path):
     paths = [tmp_path / f"{i}.bvh" for i in range(3)]
     for choice in ("sample", "random"):
-        random_library = with_choice(library, choice)
+        random_library = with_config(library, choice=choice)
         for path, seed in zip(paths, (7, 7, 8), strict=True):
             write_bvh(graft(random_library, motion, seed=seed).motion, path)
         first, again, other = (path.read_bytes() for path in paths)
@@ -93,7 +89,7 @@ def test_graft_without_other_candidates_returns_the_file(motion, tmp_path):
 @pytest.mark.parametrize("choice", ["sample", "viterbi", "random"])
 @pytest.mark.parametrize("distinct", [0.0, 0.05])
 def test_graft_many_motions_do_not_depend_on_the_count(library, choice, distinct):
-    configured = with_choice(library, choice)
+    configured = with_config(library, choice=choice)
     few, many = (graft_many(configured, count=n, distinct=distinct) for n in (2, 5))
     assert len({own.motion.rotations.tobytes() for own in many}) == len(many) >= 4
     for own, other in zip(few, many, strict=False):
@@ -101,7 +97,7 @@ def test_graft_many_motions_do_not_depend_on_the_count(library, choice, distinct
 
 
 def test_graft_without_novelty_is_the_captured_motion(library, motion):
-    new = graft(with_choice(library, "viterbi", novelty=0.0))
+    new = graft(with_config(library, choice="viterbi", novelty=0.0))
     assert_array_equal(new.motion.channel_numbers(), motion.channel_numbers())
 
 

@@ -1,16 +1,18 @@
-"""Grafts in which inverse kinematics completes a `Reach`."""
+"""The last steps of a graft: completed `Reach`, and violations by joints that no donor moves."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mograft as mg
 import mograft.constraints as mc
 from mograft.dancer import dance
-from tests.strategies import few_examples
+from mograft.search.obstacles import Sphere
+from mograft.solve.finish import find_kept_violations
+from tests.strategies import few_examples, with_config
 
 HAND, FRAME = "LeftHand", 200
 
@@ -19,10 +21,6 @@ HAND, FRAME = "LeftHand", 200
 def library():
     motion = dance(seed=1, strides=1).motion[:600]
     return mg.Library.build(motion, "lower_torso_larm_rarm")
-
-
-def with_config(library, **changes):
-    return replace(library, config=replace(library.config, **changes))
 
 
 def position(motion, joint=HAND, frame=FRAME):
@@ -139,3 +137,40 @@ def test_graft_reach_of_weight_zero_and_derived_class_is_not_completed(library):
     target = aside(library, 0.05)
     for reach in (mc.Reach(HAND, target, FRAME, weight=0.0), Wish(HAND, target, FRAME)):
         assert mg.graft(library, constraints=[reach], seed=3).reach_completions == ()
+
+
+@pytest.fixture(scope="module")
+def two_groups():
+    return mg.Library.build(dance(seed=1, strides=1).motion[:400])
+
+
+@settings(max_examples=7, deadline=None)
+@given(
+    joint=st.sampled_from(["LeftFoot", "RightLeg", "LeftHand", "Head", "Hips"]),
+    frame=st.integers(0, 399),
+    radius=st.floats(1, 40),
+    seed=st.integers(0, 3),
+)
+def test_kept_violations_remain_in_every_graft(two_groups, joint, frame, radius, seed):
+    """Any donors leave them as they are; and all other violations are by exchanged joints."""
+    clip = two_groups.clips[0]
+    _, positions = clip.world_transforms()
+    avoid = mc.Avoid(Sphere(tuple(positions[frame, clip.skeleton.index(joint)]), radius))
+    kept = find_kept_violations(two_groups, clip, ["upper"], [avoid])
+    motion = mg.graft(two_groups, seed=seed).motion
+    again = find_kept_violations(two_groups, motion, ["upper"], [avoid])
+    assert [(own.frames, own.joint) for own in kept] == [(own.frames, own.joint) for own in again]
+    legs = {clip.skeleton.names[index] for index in two_groups.joints("lower")}
+    assert {own.joint for own in kept} <= legs
+    if joint in legs:
+        assert any(own.frames[0] <= frame <= own.frames[1] for own in kept)
+
+
+def test_kept_violations_are_none_if_donors_hold_the_root(two_groups):
+    groups = mg.JointGroups(two_groups.groups.groups, base="upper")
+    other = mg.Library.build(two_groups.clips[0], groups)
+    everywhere = mc.Avoid(Sphere((0.0, 0.0, 0.0), 9999.0))
+    assert find_kept_violations(other, two_groups.clips[0], ["lower"], [everywhere]) == []
+    assert find_kept_violations(two_groups, two_groups.clips[0], ["upper"], [everywhere]) != []
+    soft = mc.Avoid(Sphere((0.0, 0.0, 0.0), 9999.0), weight=1.0)
+    assert find_kept_violations(two_groups, two_groups.clips[0], ["upper"], [soft]) == []

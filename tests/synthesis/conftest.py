@@ -1,3 +1,0 @@
-"""Fixtures of grafting."""
-
-from tests.grafting_fixtures import make_problem, make_wall, root_library, short_base, two_dances  # noqa: F401
