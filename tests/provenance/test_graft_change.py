@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 import mograft as mg
 import mograft.constraints as mc
@@ -54,9 +55,7 @@ def assert_kept(graft, changed, frames, joints):
     at = np.arange(graft.motion.n_frames)
     is_kept = np.ones(graft.motion.rotations.shape[:2], bool)
     is_kept[np.ix_((at >= first) & (at <= last), joints)] = False
-    np.testing.assert_array_equal(
-        changed.motion.rotations[is_kept], graft.motion.rotations[is_kept]
-    )
+    assert_array_equal(changed.motion.rotations[is_kept], graft.motion.rotations[is_kept])
 
 
 def angles_between(first, second, frames, joints, others=None):
@@ -72,10 +71,8 @@ def test_change_frames_outside_range_and_other_groups_keep_every_bit(library, gr
     changed = mg.change(graft, group, frames, donor)
     assert_kept(graft, changed, frames, library.joints(group))
     far = np.delete(np.arange(graft.motion.n_frames), slice(frames[0], frames[1] + 1))
-    np.testing.assert_array_equal(
-        changed.motion.channel_numbers()[far], graft.motion.channel_numbers()[far]
-    )
-    np.testing.assert_array_equal(changed.motion.positions, graft.motion.positions)
+    assert_array_equal(changed.motion.channel_numbers()[far], graft.motion.channel_numbers()[far])
+    assert_array_equal(changed.motion.positions, graft.motion.positions)
     assert changed.donors.keys() == graft.donors.keys()
     assert_replays(changed)
 
@@ -116,7 +113,7 @@ def test_several_changes_and_edits_replay_to_the_same_bytes(library, graft, data
     pristine = current.unchanged
     for own in current.changes:
         pristine = mg.change(pristine, own.group, own.frames, (own.clip, *own.clip_frames))
-    np.testing.assert_array_equal(pristine.motion.rotations, current.motion.rotations)
+    assert_array_equal(pristine.motion.rotations, current.motion.rotations)
 
 
 @pytest.mark.parametrize("choice", ["viterbi", "nearest"])
@@ -132,7 +129,7 @@ def test_first_donor_span_has_least_cost_of_all(library, graft, choice, seed, n)
         find_donor_spans(problem, motion, ChangedPart.find(problem, group), (start, start + n), [0])
     )
     costs = [span_cost(problem, motion, group, (start, start + n), own) for own in spans]
-    np.testing.assert_allclose([own.cost for own in spans], costs, rtol=1e-6, atol=1e-6)
+    assert_allclose([own.cost for own in spans], costs, rtol=1e-6, atol=1e-6)
     assert costs == sorted(costs) or np.diff(costs).min() > -1e-6
     shortest, longest = np.round(n * np.array([0.85, 1.15])).astype(int).clip(1)
     assert {own.stop - own.start for own in spans} <= {*range(shortest, longest + 1)}
@@ -314,12 +311,12 @@ def test_change_of_root_moves_later_frames_rigidly(root_library):
     changed = mg.change(graft, "lower", (150, 230), ("second", 20, 95))
     far = np.delete(np.arange(graft.motion.n_frames), slice(150, 231))
     others = np.ix_(far, np.delete(np.arange(graft.motion.n_joints), root))
-    np.testing.assert_array_equal(changed.motion.rotations[others], graft.motion.rotations[others])
+    assert_array_equal(changed.motion.rotations[others], graft.motion.rotations[others])
     steps = [
         np.linalg.norm(np.diff(m.positions[300:, root], axis=0), axis=1)
         for m in (graft.motion, changed.motion)
     ]
-    np.testing.assert_allclose(*steps, atol=1e-6)
+    assert_allclose(*steps, atol=1e-6)
     assert_replays(changed)
 
 
@@ -329,7 +326,7 @@ def test_edit_keeps_changes_of_other_segments_and_drops_those_of_its_own(library
     kept = mg.edit(both, mc.KeepOriginal(frames=(150, 200), group="larm"))
     assert [own.group for own in kept.changes] == ["rarm"]
     middle = np.ix_(np.arange(160, 190), library.joints("larm"))
-    np.testing.assert_array_equal(kept.motion.rotations[middle], graft.base.rotations[middle])
+    assert_array_equal(kept.motion.rotations[middle], graft.base.rotations[middle])
     assert_replays(kept)
 
 
@@ -401,7 +398,7 @@ def test_replay_with_other_blending_keeps_donors_and_replays(library, graft, dat
     assert other.changes == edited.changes
     assert mg.advise(other) == mg.advise(edited)
     for name, counts in edited.alternatives.items():
-        np.testing.assert_array_equal(other.alternatives[name], counts)
+        assert_array_equal(other.alternatives[name], counts)
     assert (other.motion.rotations != edited.motion.rotations).any()
     assert_replays(other)
 
