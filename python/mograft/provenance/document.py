@@ -42,7 +42,7 @@ def graft_record(graft: Graft, folder: str | PathLike[str] = ".") -> Record:
     folder : path
         The folder to which paths of files are relative: that of the document.
     """
-    library, place = graft.library, Path(folder)
+    library, place, request = graft.library, Path(folder), graft.request
     return {
         "schema": SCHEMA,
         "name": graft.motion.name,
@@ -71,7 +71,7 @@ def graft_record(graft: Graft, folder: str | PathLike[str] = ".") -> Record:
         "edits": [
             {"command": command, "replaced": replaced, "reach_ik": _completions(graft, found)}
             for command, replaced, found in zip(
-                graft.request.edit_commands,
+                request.edit_commands,
                 _replaced_donors(graft),
                 graft.completion_history,
                 strict=True,
@@ -85,9 +85,7 @@ def graft_record(graft: Graft, folder: str | PathLike[str] = ".") -> Record:
             {"group": s.group, "frame": s.frame, "gap_degrees": round(np.degrees(s.gap), 4)}
             for s in graft.seams
         ],
-        "violations": [
-            violation_record(own, graft.request.constraints) for own in graft.violations
-        ],
+        "violations": [violation_record(own, request.constraints) for own in graft.violations],
         "self_repair": [_repair_record(own) for own in graft.self_repairs],
         "feet": None if graft.feet is None else asdict(graft.feet),
         "reach_ik": _completions(graft, graft.reach_completions),

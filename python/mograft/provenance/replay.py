@@ -303,11 +303,6 @@ def _read_completions(
 
 def _read_repair(record: Mapping[str, Any]) -> RepairedWindow:
     start, stop = as_frames(record["frames"])
-    return RepairedWindow(
-        group=str(record["group"]),
-        start=start,
-        stop=stop,
-        measure=str(record["measure"]),
-        before=float(record["before"]),
-        after=float(record["after"]),
-    )
+    kinds = {"group": str, "measure": str, "before": float, "after": float}
+    values: dict[str, Any] = {name: kind(record[name]) for name, kind in kinds.items()}
+    return RepairedWindow(start=start, stop=stop, **values)
