@@ -15,22 +15,18 @@ from tests.strategies import SEEDS
 
 
 @settings(max_examples=10, deadline=None)
-@given(SEEDS, st.floats(0.1, 90.0))
-def test_walk_any_seed_uses_transitions_and_reaches_duration(library, graph, seed, duration):
-    chosen = walk(library, duration, seed, graph=graph)
-    assert is_walk(graph, chosen)
-    lengths = library.segments.lengths[chosen]
-    assert lengths.sum() >= duration * library.rate > lengths[:-1].sum()
-    np.testing.assert_array_equal(walk(library, duration, seed, graph=graph), chosen)
-
-
-@settings(max_examples=10, deadline=None)
-@given(SEEDS, st.integers(60, 2000))
-def test_fill_any_frame_count_is_met_exactly(library, graph, seed, frames):
-    chosen = fill(library, frames, seed, graph=graph)
-    assert library.segments.lengths[chosen].sum() == frames - 1
-    assert is_walk(graph, chosen)
-    np.testing.assert_array_equal(fill(library, frames, seed, graph=graph), chosen)
+@given(SEEDS, st.floats(0.1, 90.0), st.integers(60, 2000))
+def test_walk_and_fill_use_transitions_and_reach_duration_or_frames(
+    library, graph, seed, duration, frames
+):
+    for make, wanted in ((walk, duration), (fill, frames)):
+        chosen = make(library, wanted, seed, graph=graph)
+        assert is_walk(graph, chosen)
+        np.testing.assert_array_equal(make(library, wanted, seed, graph=graph), chosen)
+        lengths = library.segments.lengths[chosen]
+        least = frames - 1 if make is fill else duration * library.rate
+        assert lengths.sum() >= least > lengths[:-1].sum()
+        assert make is walk or lengths.sum() == least
 
 
 @settings(max_examples=15, deadline=None)
