@@ -1,7 +1,7 @@
 """Motions converted to another hierarchy, and libraries whose clips are matched by anatomy."""
 
-import warnings
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -27,16 +27,15 @@ from tests.strategies import (
     turn_motion,
 )
 
+pytestmark = pytest.mark.filterwarnings("ignore:joints matched by anatomy")
+
 NAMES = ("a", "b", "c")
 PARTS = {name: DANCE[90 * i : 90 * i + 200] for i, name in enumerate(NAMES)}
 PARTS = {name: replace(part, name=name) for name, part in PARTS.items()}
 OTHER = {name: as_other_figure(part, seed) for seed, (name, part) in enumerate(PARTS.items())}
 
 
-def build(clips, **options):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return Library.build(clips, match="anatomy", **options)
+build = partial(Library.build, match="anatomy")
 
 
 def test_library_matched_by_anatomy_equals_that_of_one_figure():
@@ -90,7 +89,6 @@ def files(tmp_path):
     return folder
 
 
-@pytest.mark.filterwarnings("ignore:joints matched by anatomy")
 def test_index_matched_by_anatomy_equals_build_and_is_kept(files, tmp_path):
     stored = Library.index(files, tmp_path / "l", match="anatomy")
     built = Library.build([files / name for name in ("a.bvh", "b.bvh", "c.bvh")], match="anatomy")
@@ -104,7 +102,6 @@ def test_index_matched_by_anatomy_equals_build_and_is_kept(files, tmp_path):
         again.add(files, match="names")
 
 
-@pytest.mark.filterwarnings("ignore:joints matched by anatomy")
 def test_hash_of_library_depends_on_the_hierarchy_and_the_rest_pose(files):
     skeleton = PARTS["a"].skeleton
     larger = skeleton.with_offsets(1.5 * skeleton.offsets)

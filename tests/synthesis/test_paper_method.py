@@ -1,6 +1,5 @@
 """`Config.paper()` against a second implementation, which was written from its description."""
 
-import warnings
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +10,8 @@ import mograft as mg
 from mograft.dancer import dance
 from tests.hierarchies import DATA
 from tests.oracles import paper_method as oracle
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # of faults in the recordings
 
 SOURCES = [(name, rate) for name in ("dancer", "A", "B") for rate in (30.0, 120.0)]
 
@@ -45,9 +46,7 @@ def clip_of(motion):
 def both(request):
     """Return a library of the paper's configuration, and the clip of the oracle."""
     motion = motion_of(*request.param)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # faults of the recordings
-        return mg.Library.build(motion, config=mg.Config.paper()), clip_of(motion)
+    return mg.Library.build(motion, config=mg.Config.paper()), clip_of(motion)
 
 
 def spans(library):

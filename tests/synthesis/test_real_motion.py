@@ -1,7 +1,6 @@
 """The main job on real motion, where it is at hand: ``../shared/data`` beside the checkout."""
 
 import json
-import warnings
 from pathlib import Path
 
 import pytest
@@ -52,12 +51,11 @@ def test_three_different_grafts_with_the_legs_of_the_input(source, tmp_path, cap
 NAMINGS = ("mixamo_names_XYZ", "biped_names_spaces_ZXY")
 
 
+@pytest.mark.filterwarnings("ignore")
 def test_names_and_rotation_orders_change_no_segment():
     """One take under other names: the same segments and the same clusters."""
     takes = [read_bvh(at(f"synthetic_names/{n}.bvh")) for n in NAMINGS]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        libraries = [Library.build(take) for take in takes]
+    libraries = [Library.build(take) for take in takes]
     first, second = (library.segments for library in libraries)
     assert_array_equal(first.start, second.start)
     for group in ("lower", "upper"):
