@@ -53,7 +53,7 @@ def test_no_frame_of_other_parts_occurs(takes, seed, kind, source):
     joints = np.delete(np.arange(library.skeleton.n_joints), library.root)
     used = set()
     for job in range(len(windows.bases)):
-        for window in windows.run_job(job).windows:
+        for window in windows.run_job(job)[0]:
             frames = window.features["rotations"].astype(float)[::10, joints]
             assert smallest_angles(frames, held_out[:, joints]).min() > np.radians(0.5)
             used |= {row[PROVENANCE.index("clip") - 1] for row in window.provenance}
@@ -132,7 +132,7 @@ def test_windows_are_parts_of_grafts(stored):
     windows = replace(windows, variants=2)
     n_parts = 0
     for job in range(3):
-        for window in windows.run_job(job).windows:
+        for window in windows.run_job(job)[0]:
             rows = [dict(zip(PROVENANCE[1:], row, strict=True)) for row in window.provenance]
             base = stored.clips[stored.names.index(rows[0]["base"])]
             start = rows[0]["base_start"]

@@ -87,7 +87,7 @@ def parquet():
 
 @pytest.mark.parametrize(("format_", "atol"), [("npz", 0), ("parquet", 0), ("bvh", 1e-5)])
 def test_rows_are_those_of_the_jobs(windows, tmp_path, format_, atol):
-    expected = [window for job in range(9) for window in windows.run_job(job).windows][:12]
+    expected = [window for job in range(9) for window in windows.run_job(job)[0]][:12]
     report = datasets.write(windows, tmp_path / "set", 12, format=format_)["report"]
     found = read_rows(tmp_path / "set", format_)
     for index, (row, window) in enumerate(zip(found, expected, strict=True)):
@@ -117,7 +117,7 @@ def test_rows_are_those_of_the_jobs(windows, tmp_path, format_, atol):
 
 def count_windows(windows):
     """The number of windows of passes over all bases, until one gives nothing."""
-    counts = (len(windows.run_job(job).windows) for job in itertools.count())
+    counts = (len(windows.run_job(job)[0]) for job in itertools.count())
     return sum(iter(lambda: sum(itertools.islice(counts, len(windows.bases))), 0))
 
 

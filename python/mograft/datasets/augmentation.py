@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import zip_longest
 from math import ceil
 from typing import Any, NamedTuple
 
@@ -59,13 +60,6 @@ class Window(NamedTuple):
     features: dict[str, Array]
     provenance: list[tuple[Any, ...]]  # rows of `PROVENANCE` without the first column
     data: bytes  # the encoded motion; empty if it is not needed
-
-
-class JobResult(NamedTuple):
-    """The windows of some grafts on one base, and how many were not new enough or repeated."""
-
-    windows: list[Window]
-    n_rejected: int
 
 
 class _Draw(NamedTuple):
@@ -158,8 +152,10 @@ class Augmentation(LazySequence[dict[str, Array]]):
         row = cut_window(self.features, best.tracks, best.motion, frames, root)
         return {**row, "new": np.array(share, np.float32), "index": np.array(index)}
 
-    def run_job(self, job: int, encode: Encode | None = None) -> JobResult:
+    def run_job(self, job: int, encode: Encode | None = None) -> tuple[list[Window], int]:
         """Return the windows of one base in one pass, which are new enough and different.
+
+        Also return how many were not new enough, or repeated.
 
         Pass p uses draws p · variants to (p + 1) · variants - 1 of each base. `encode` converts
         the motion of a window to the bytes of a file.
@@ -184,7 +180,7 @@ class Augmentation(LazySequence[dict[str, Array]]):
                 windows += self._windows(graft, draw, kept, encode)
             known.update(keys)
         n_rejected += len(starts) * max(first + self.variants - len(drawn), 0)
-        return JobResult(windows, n_rejected)
+        return windows, n_rejected
 
     def _windows(
         self, graft: Graft, draw: int, starts: Sequence[int], encode: Encode | None
@@ -408,9 +404,5 @@ def _order_bases(
     sets: dict[tuple[str, ...], list[int]] = {}
     for rank in ranks.tolist():
         sets.setdefault(plain_tags(library.entries[clips[rank]]), []).append(clips[rank])
-    turns = [
-        (turn, number, clip)
-        for number, own in enumerate(sets.values())
-        for turn, clip in enumerate(own)
-    ]
-    return [clip for _, _, clip in sorted(turns)]
+    turns = zip_longest(*sets.values())
+    return [clip for turn in turns for clip in turn if clip is not None]

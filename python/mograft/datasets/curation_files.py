@@ -1,8 +1,6 @@
 """The table, the page and the files of a choice of clips."""
 
-import csv
 import html
-import io
 import os
 import shutil
 from collections.abc import Sequence
@@ -15,7 +13,7 @@ import numpy as np
 from mograft._util.atomic import draft_folder, sync, write_bytes
 from mograft._util.validate import check_choice, check_type
 from mograft.datasets.curation import Choice, Curation
-from mograft.io.csv import without_formula
+from mograft.datasets.shards import to_csv
 from mograft.library.library import Library
 from mograft.viewing.page import Page, assemble_page, viewer_html
 from mograft.viewing.report import REPORT_STYLE, wide_table
@@ -29,13 +27,11 @@ _WIDTH, _HEIGHT, _MARGIN = 480, 220, 44  # of the curve, in pixels
 
 def curation_table(found: Curation) -> bytes:
     """Return a CSV table with each clip and the reason for its choice."""
-    text = io.StringIO(newline="")
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(("clip", "kept", "frames", "nearest", "reason"))
-    for own in found.choices:
-        name, reason = without_formula(own.clip), without_formula(own.reason)
-        rows.writerow((name, int(own.is_kept), own.frames, f"{own.nearest:.6g}", reason))
-    return text.getvalue().encode("utf-8", "replace")
+    rows = (
+        (own.clip, int(own.is_kept), own.frames, f"{own.nearest:.6g}", own.reason)
+        for own in found.choices
+    )
+    return to_csv([("clip", "kept", "frames", "nearest", "reason"), *rows])
 
 
 def curation_page(library: Library, found: Curation) -> Page:

@@ -2,7 +2,6 @@
 
 import csv
 import hashlib
-import io
 import itertools
 import json
 import shutil
@@ -25,9 +24,8 @@ from mograft.datasets.augmentation import PROVENANCE, Augmentation, Window
 from mograft.datasets.executors import call_each, check_executor
 from mograft.datasets.features import FEATURES
 from mograft.datasets.measuring import TABLE, Places, coverage
-from mograft.datasets.shards import FORMATS, SHARD_SIZE, Files, write_files
+from mograft.datasets.shards import FORMATS, SHARD_SIZE, Files, to_csv, write_files
 from mograft.errors import MograftError
-from mograft.io.csv import without_formula
 from mograft.library.origin import hash_library
 
 SCHEMA = "mograft.dataset/1"
@@ -38,23 +36,6 @@ _PARTS = ".provenance"
 """Folder of the provenance of each shard, until the table is complete."""
 
 Progress = Callable[[str, int, int], None]
-
-
-@dataclass
-class _State:
-    """How far a data set is written, and where its next window comes from."""
-
-    job: int = 0
-    offset: int = 0  # windows of this job that are in shards
-    n_windows: int = 0
-    n_in_pass: int = 0  # windows of this pass over all bases
-    n_rejected: int = 0  # of the jobs before this one
-    is_exhausted: int = 0  # 1 if no more windows exist
-    shards: list[dict[str, Any]] = field(default_factory=list)
-    features: dict[str, Any] = field(default_factory=dict)  # their shapes
-
-    def as_dict(self) -> dict[str, int]:
-        return {name: value for name, value in vars(self).items() if isinstance(value, int)}
 
 
 def write(
@@ -119,9 +100,9 @@ def write(
         raise FileExistsError(f"{target} exists: resume the run, or choose another folder")
     target.mkdir(parents=True, exist_ok=True)
     with exclusive_lock(target / ".lock"):
-        state = _find_state(target, request)
-        _write_shards(windows, target, request, state, executor, progress)
-        return _finish(windows, target, request, state)
+        run = _Run.find(windows, target, request)
+        run.write_shards(executor, progress)
+        return run.finish()
 
 
 def _request(windows: Augmentation, count: int, format_: str) -> dict[str, Any]:
@@ -134,16 +115,13 @@ def _request(windows: Augmentation, count: int, format_: str) -> dict[str, Any]:
         "library": hash_library(library),
         "config": library.config.as_dict(),
         "part": part.name,
-        "bases": hashlib.sha256(members).hexdigest(),
+        "bases": _hash(members),
         "rate": library.rate,
         "frames": windows.n_frames,
         "stride": windows.stride,
         "features": list(windows.features),
         "joints": list(library.skeleton.names),
-        "seed": windows.seed,
-        "epoch": windows.epoch,
-        "variants": windows.variants,
-        "min_new": windows.min_new,
+        **{name: getattr(windows, name) for name in ("seed", "epoch", "variants", "min_new")},
     }
 
 
@@ -157,171 +135,164 @@ def _describe_change(name: str, before: Any, value: Any, rate: float) -> str:  #
     return f"`{name}` {before}, not {value}"
 
 
-def _find_state(folder: Path, request: dict[str, Any]) -> _State:
-    """Return the state of the whole shards in a folder."""
-    path = folder / MANIFEST
-    if not path.exists():
-        if not all(own.name.startswith((".lock", ".mograft-")) for own in folder.iterdir()):
-            raise FileExistsError(f"{folder} holds other files than a data set of mograft")
-        _write_manifest(folder, request, _State())  # from now on the folder is ours
-        return _State()
-    document = read_document(path)
-    if document.get("schema") != SCHEMA:
-        raise ValueError(f"{path}: expected a manifest of {SCHEMA}, got {document.get('schema')}")
-    known = document["request"]
-    if other := [name for name, value in request.items() if known.get(name) != value]:
-        name = min(other, key=_HASHED.__contains__)  # other options change the hashes, too
-        change = _describe_change(name, known.get(name), request[name], request["rate"])
-        raise ValueError(
-            f"{folder} holds a data set with {change}; use the options with which it was begun, "
-            "or choose another folder"
-        )
-    state = _State(**document["state"], features=document["features"])
-    for shard in document["shards"]:
-        damaged = [own for own in shard["files"] if not _is_whole(folder, own)]
-        if damaged:
-            raise MograftError(f"{folder / damaged[0]['file']} has changed since it was written")
-        state.shards.append(shard)
-    return state
-
-
-def _is_whole(folder: Path, entry: dict[str, Any]) -> bool:
-    path = folder / entry["file"]
-    return path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == entry["sha256"]
-
-
-def _write_shards(
-    windows: Augmentation,
-    folder: Path,
-    request: dict[str, Any],
-    state: _State,
-    executor: Executor | None,
-    progress: Progress | None,
-) -> None:
-    """Write shards until there are `count` windows, or a pass over all bases gives none."""
-    pending, count, n_bases = list[Window](), request["count"], len(windows.bases)
-    written = state.n_windows
-    if written == count or state.is_exhausted:
-        return
-    run = partial(Augmentation.run_job, encode=FORMATS[request["format"]].encode)
-    jobs = itertools.count(state.job)
-    results = call_each(executor, run, windows, itertools.count(state.job))
-    for job, result in zip(jobs, results, strict=True):
-        state.job, n_known = job, state.offset
-        for offset, window in enumerate(result.windows[n_known:], n_known + 1):
-            pending.append(window)
-            state.offset, state.n_in_pass = offset, state.n_in_pass + 1
-            state.n_windows = written + len(pending)
-            if len(pending) == SHARD_SIZE or state.n_windows == count:
-                _write_shard(folder, request, state, pending)
-                written, pending = state.n_windows, []
-            if progress is not None:
-                progress("windows", state.n_windows, count)
-            if state.n_windows == count:
-                return
-        is_end = (job + 1) % n_bases == 0
-        state.job, state.offset = job + 1, 0
-        state.n_rejected += result.n_rejected
-        if is_end and state.n_in_pass == 0:
-            state.is_exhausted = 1
-            break
-        state.n_in_pass = 0 if is_end else state.n_in_pass
-    if pending:
-        _write_shard(folder, request, state, pending)
-
-
-def _write_shard(
-    folder: Path, request: dict[str, Any], state: _State, windows: list[Window]
-) -> None:
-    """Write a shard, its provenance and then the manifest that lists it."""
-    number, first = len(state.shards), state.n_windows - len(windows)
-    for name, array in windows[0].features.items():
-        kind = {"shape": list(array.shape), "dtype": str(array.dtype)}
-        state.features[name] = {"summary": FEATURES[name].summary, **kind}
-    text = io.StringIO(newline="")
-    rows = csv.writer(text, lineterminator="\n")
-    for index, window in enumerate(windows, first):
-        for row in window.provenance:
-            cells = [without_formula(own) if isinstance(own, str) else own for own in row]
-            rows.writerow([index, *cells])
-    files = FORMATS[request["format"]].files(number, first, windows, request["rate"])
-    part = (f"{_PARTS}/{number:05d}.csv", text.getvalue().encode("utf-8", "replace"))
-    write_files(folder, [*files, part])
-    state.shards.append({"first": first, "windows": len(windows), "files": _entries(files)})
-    _write_manifest(folder, request, state)
+def _hash(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
 
 
 def _entries(files: Files) -> list[dict[str, Any]]:
-    return [
-        {"file": name, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
-        for name, data in files
-    ]
+    return [{"file": name, "bytes": len(data), "sha256": _hash(data)} for name, data in files]
 
 
-def _write_manifest(
-    folder: Path, request: dict[str, Any], state: _State, **more: object
-) -> dict[str, Any]:
-    document = {"schema": SCHEMA, "request": request, "state": state.as_dict(), **more}
-    document |= {"features": state.features, "shards": state.shards}
-    write_text(folder / MANIFEST, json.dumps(document, indent=1) + "\n")
-    return document
+@dataclass
+class _Run:
+    """A data set in a folder: how far it is written, and where its next window comes from."""
 
+    windows: Augmentation
+    folder: Path
+    request: dict[str, Any]
+    job: int = 0
+    offset: int = 0  # windows of this job that are in shards
+    n_windows: int = 0
+    n_in_pass: int = 0  # windows of this pass over all bases
+    n_rejected: int = 0  # of the jobs before this one
+    is_exhausted: int = 0  # 1 if no more windows exist
+    shards: list[dict[str, Any]] = field(default_factory=list)
+    features: dict[str, Any] = field(default_factory=dict)  # their shapes
 
-def _finish(
-    windows: Augmentation, folder: Path, request: dict[str, Any], state: _State
-) -> dict[str, Any]:
-    """Join the provenance of the shards, complete the manifest by a report, and remove the parts.
+    @classmethod
+    def find(cls, windows: Augmentation, folder: Path, request: dict[str, Any]) -> "_Run":
+        """Return the run whose whole shards are in a folder, or begin one."""
+        path = folder / MANIFEST
+        if not path.exists():
+            if not all(own.name.startswith((".lock", ".mograft-")) for own in folder.iterdir()):
+                raise FileExistsError(f"{folder} holds other files than a data set of mograft")
+            run = cls(windows, folder, request)
+            run.write_manifest()  # from now on the folder is ours
+            return run
+        document = read_document(path)
+        if document.get("schema") != SCHEMA:
+            found = document.get("schema")
+            raise ValueError(f"{path}: expected a manifest of {SCHEMA}, got {found}")
+        known = document["request"]
+        if other := [name for name, value in request.items() if known.get(name) != value]:
+            name = min(other, key=_HASHED.__contains__)  # other options change the hashes, too
+            change = _describe_change(name, known.get(name), request[name], request["rate"])
+            raise ValueError(
+                f"{folder} holds a data set with {change}; use the options with which it was "
+                "begun, or choose another folder"
+            )
+        for own in (file for shard in document["shards"] for file in shard["files"]):
+            path = folder / own["file"]
+            if not path.is_file() or _hash(path.read_bytes()) != own["sha256"]:
+                raise MograftError(f"{path} has changed since it was written")
+        entries = {name: document[name] for name in ("shards", "features")}
+        return cls(windows, folder, request, **document["state"], **entries)
 
-    If the table exists, an earlier run joined it, but may have ended before all parts were removed.
-    """
-    parts = folder / _PARTS
-    if not (folder / TABLE).exists():
-        names = [parts / f"{number:05d}.csv" for number in range(len(state.shards))]
-        body = b"".join(path.read_bytes() for path in names)
-        write_bytes(folder / TABLE, ",".join(PROVENANCE).encode() + b"\n" + body)
-    more: dict[str, Any] = {"report": _report(windows, folder, state)}
-    if (meta := FORMATS[request["format"]].meta) is not None:
-        document = {"request": request, "features": state.features, "shards": state.shards}
-        write_files(folder, files := meta(folder, document))
-        more["files"] = _entries(files)
-    document = _write_manifest(folder, request, state, **more)
-    shutil.rmtree(parts, ignore_errors=True)
-    return document
+    def write_shards(self, executor: Executor | None, progress: Progress | None) -> None:
+        """Write shards until there are `count` windows, or a pass over all bases gives none."""
+        pending, count, n_bases = list[Window](), self.request["count"], len(self.windows.bases)
+        written = self.n_windows
+        if written == count or self.is_exhausted:
+            return
+        run = partial(Augmentation.run_job, encode=FORMATS[self.request["format"]].encode)
+        results = call_each(executor, run, self.windows, itertools.count(self.job))
+        for job, (windows, n_rejected) in enumerate(results, self.job):
+            self.job, n_known = job, self.offset
+            for offset, window in enumerate(windows[n_known:], n_known + 1):
+                pending.append(window)
+                self.offset, self.n_in_pass = offset, self.n_in_pass + 1
+                self.n_windows = written + len(pending)
+                if len(pending) == SHARD_SIZE or self.n_windows == count:
+                    self._write_shard(pending)
+                    written, pending = self.n_windows, []
+                if progress is not None:
+                    progress("windows", self.n_windows, count)
+                if self.n_windows == count:
+                    return
+            is_end = (job + 1) % n_bases == 0
+            self.job, self.offset = job + 1, 0
+            self.n_rejected += n_rejected
+            if is_end and self.n_in_pass == 0:
+                self.is_exhausted = 1
+                break
+            self.n_in_pass = 0 if is_end else self.n_in_pass
+        if pending:
+            self._write_shard(pending)
 
+    def _write_shard(self, windows: list[Window]) -> None:
+        """Write a shard, its provenance and then the manifest that lists it."""
+        number, first = len(self.shards), self.n_windows - len(windows)
+        for name, array in windows[0].features.items():
+            kind = {"shape": list(array.shape), "dtype": str(array.dtype)}
+            self.features[name] = {"summary": FEATURES[name].summary, **kind}
+        rows = ((k, *row) for k, own in enumerate(windows, first) for row in own.provenance)
+        files = FORMATS[self.request["format"]].files(number, first, windows, self.request["rate"])
+        write_files(self.folder, [*files, (f"{_PARTS}/{number:05d}.csv", to_csv(rows))])
+        self.shards.append({"first": first, "windows": len(windows), "files": _entries(files)})
+        self.write_manifest()
 
-def _report(windows: Augmentation, folder: Path, state: _State) -> dict[str, Any]:
-    """Return a summary of the provenance: how new the windows are, and how much they use."""
-    library, part, donors = windows.library, windows.part, Counter[tuple[str, ...]]()
-    measures: dict[str, tuple[float, ...]] = {}
-    used: Places = {name: set() for name in library.groups.names}
-    bases, n_captured, n_parts = Counter[str](), 0, 0
-    with (folder / TABLE).open(encoding="utf-8", newline="") as stream:
-        for row in csv.DictReader(stream):
-            donors[row["clip"], row["clip_start"]] += 1
-            used[row["group"]].add((row["clip"], row["clip_start"]))
-            used[library.groups.base].add((row["base"], row["start"]))
-            n_parts, n_captured = n_parts + 1, n_captured + (row["is_captured"] == "True")
-            if row["window"] not in measures:
-                bases[row["base"]] += 1
-                own = tuple(float(row[name]) for name in ("new", "changed", "gap"))
-                measures[row["window"]] = own
-    new, changed, gap = np.array(list(measures.values()) or [(0.0,) * 3]).T
-    is_ours = part.clips[library.segments.clip]
-    n_donors = int((library.is_donor & is_ours).sum())
-    return {
-        "windows": state.n_windows,
-        "seconds": state.n_windows * windows.n_frames / library.rate,
-        "bases": len(bases),
-        "new_frames": float(new.mean()),
-        "degrees_from_base": float(changed.mean()),
-        "degrees_at_widest_seam": float(np.median(gap)),
-        "captured_parts": n_captured / max(n_parts, 1),
-        "segments_used": len(donors),
-        "coverage": coverage(windows, used),
-        "segments_usable": n_donors,
-        "segments_with_faults": int((~library.is_donor & is_ours).sum()),
-        "rejected_windows": state.n_rejected,
-        "clips_of_part": int(part.clips.sum()),
-        "clips_left_out": list(part.shared),
-        "clips_of_other_parts": part.n_others,
-    }
+    def write_manifest(self, **more: object) -> dict[str, Any]:
+        """Write the manifest, with `more` entries, and return it."""
+        state = {name: value for name, value in vars(self).items() if isinstance(value, int)}
+        document = {"schema": SCHEMA, "request": self.request, "state": state, **more}
+        document |= {"features": self.features, "shards": self.shards}
+        write_text(self.folder / MANIFEST, json.dumps(document, indent=1) + "\n")
+        return document
+
+    def finish(self) -> dict[str, Any]:
+        """Join the provenance of the shards, complete the manifest by a report, remove the parts.
+
+        If the table exists, an earlier run joined it, but may have ended before all parts were
+        removed.
+        """
+        parts = self.folder / _PARTS
+        if not (self.folder / TABLE).exists():
+            names = [parts / f"{number:05d}.csv" for number in range(len(self.shards))]
+            body = b"".join(path.read_bytes() for path in names)
+            write_bytes(self.folder / TABLE, ",".join(PROVENANCE).encode() + b"\n" + body)
+        more: dict[str, Any] = {"report": self._report()}
+        if (meta := FORMATS[self.request["format"]].meta) is not None:
+            document = {name: getattr(self, name) for name in ("request", "features", "shards")}
+            write_files(self.folder, files := meta(self.folder, document))
+            more["files"] = _entries(files)
+        document = self.write_manifest(**more)
+        shutil.rmtree(parts, ignore_errors=True)
+        return document
+
+    def _report(self) -> dict[str, Any]:
+        """Return a summary of the provenance: how new the windows are, and how much they use."""
+        windows, library, part = self.windows, self.windows.library, self.windows.part
+        donors = Counter[tuple[str, ...]]()
+        measures: dict[str, tuple[float, ...]] = {}
+        used: Places = {name: set() for name in library.groups.names}
+        bases, n_captured, n_parts = Counter[str](), 0, 0
+        with (self.folder / TABLE).open(encoding="utf-8", newline="") as stream:
+            for row in csv.DictReader(stream):
+                donors[row["clip"], row["clip_start"]] += 1
+                used[row["group"]].add((row["clip"], row["clip_start"]))
+                used[library.groups.base].add((row["base"], row["start"]))
+                n_parts, n_captured = n_parts + 1, n_captured + (row["is_captured"] == "True")
+                if row["window"] not in measures:
+                    bases[row["base"]] += 1
+                    own = tuple(float(row[name]) for name in ("new", "changed", "gap"))
+                    measures[row["window"]] = own
+        new, changed, gap = np.array(list(measures.values()) or [(0.0,) * 3]).T
+        is_ours = part.clips[library.segments.clip]
+        n_donors = int((library.is_donor & is_ours).sum())
+        return {
+            "windows": self.n_windows,
+            "seconds": self.n_windows * windows.n_frames / library.rate,
+            "bases": len(bases),
+            "new_frames": float(new.mean()),
+            "degrees_from_base": float(changed.mean()),
+            "degrees_at_widest_seam": float(np.median(gap)),
+            "captured_parts": n_captured / max(n_parts, 1),
+            "segments_used": len(donors),
+            "coverage": coverage(windows, used),
+            "segments_usable": n_donors,
+            "segments_with_faults": int((~library.is_donor & is_ours).sum()),
+            "rejected_windows": self.n_rejected,
+            "clips_of_part": int(part.clips.sum()),
+            "clips_left_out": list(part.shared),
+            "clips_of_other_parts": part.n_others,
+        }
