@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from mograft.datasets.time_warp import gaps_in_band, warping_path
+from mograft.datasets.finding import gaps_in_band, warping_path
 from mograft.search.boundary_states import pose_gaps
 from tests.strategies import SEEDS, smooth_rotations
 

@@ -324,8 +324,8 @@ def augment(
     seed = as_integer("seed", seed)
     chosen = select_part(library, split, part, seed)
     n_frames, step = round(seconds * library.rate), round(stride * library.rate)
-    wanted = find_matches("bases", bases, library.names)
-    wanted = [clip for clip in wanted if chosen.clips[clip]]
+    matches = find_matches("bases", bases, library.names)
+    wanted = [clip for clip in matches if chosen.clips[clip]]
     spans = _faultless_spans(library)
     starts = {
         clip: [k for low, high in spans[clip] for k in range(low, high - n_frames + 1, step)]

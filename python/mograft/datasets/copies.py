@@ -7,7 +7,6 @@ Names, headings, positions and bone lengths are not compared.
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -40,11 +39,10 @@ def find_shared_clips(library: Library, ours: BoolArray, others: BoolArray) -> I
     Both are masks of clips. A passage is a whole segment of one of `ours`, with some motion, that
     occurs among the frames of another clip or of its mirror image.
     """
-    index = _SegmentIndex.build(library, np.flatnonzero(ours[library.segments.clip]))
+    index = _SegmentIndex(library, np.flatnonzero(ours[library.segments.clip]))
     found = np.zeros(len(library.segments), bool)
-    if index is not None:
-        for quats in _poses(library, np.flatnonzero(others), index.joints):
-            found[index.find(quats)] = True
+    for quats in _poses(library, np.flatnonzero(others), index.joints):
+        found[index.find(quats)] = True
     shared: IntArray = np.unique(library.segments.clip[found])
     return shared
 
@@ -58,40 +56,27 @@ def _poses(library: Library, clips: IntArray, joints: IntArray) -> Iterator[Floa
             yield mirror(motion).rotations[:, joints]
 
 
-@dataclass(frozen=True, eq=False)
 class _SegmentIndex:
-    """Segments with motion, found by the pose in their first frame."""
+    """Those of some segments that move, and not too fast, found by the pose in their first frame.
 
-    segments: IntArray  # indices in the library, sorted by `keys`
-    lengths: IntArray
-    joints: IntArray  # that are compared: all whose rotations are features, but the root
-    ends: tuple[FloatArray, ...]  # first and last poses, each (n, n_joints, 4)
-    limits: tuple[FloatArray, ...]  # tolerances of the angles in them, each (n, n_joints)
-    mean: FloatArray
-    axes: FloatArray  # principal components of first poses, (_N_CHECKED, n_features)
-    reach: float  # greatest difference of two equal poses in a component
-    points: FloatArray  # first poses, (n, _N_CHECKED)
-    keys: IntArray  # cells of `points`, ascending
+    The fastest joints have wide tolerances; segments that begin slowly find copies as well.
+    """
 
-    @classmethod
-    def build(cls, library: Library, segments: IntArray) -> "_SegmentIndex | None":
-        """Return the index of those of some segments that move, and not too fast; None if none do.
-
-        The fastest joints have wide tolerances; segments that begin slowly find copies as well.
-        """
+    def __init__(self, library: Library, segments: IntArray) -> None:
         members = feature_joints_by_group(library.groups, library.skeleton)
-        joints = np.setdiff1d(np.concatenate(list(members.values())), [library.root])
+        # All joints whose rotations are features, but the root.
+        self.joints = np.setdiff1d(np.concatenate(list(members.values())), [library.root])
 
         def states(key: str, size: int) -> FloatArray:
             found = np.zeros((len(segments), library.skeleton.n_joints, size))
             for group, own in members.items():
                 found[:, own] = library.boundary_states[group][key][segments]
-            return found[:, joints]
+            return found[:, self.joints]
 
         ends = [states("first", 4), states("last", 4)]
         speeds = [np.linalg.norm(states(f"{end}_velocity", 3), axis=2) for end in ("first", "last")]
         limits = [np.minimum(COPY_ANGLE + own / (2.0 * library.rate), _MAX_TURN) for own in speeds]
-        angles = rotations.angle(*ends) if len(segments) else np.zeros((0, len(joints)))
+        angles = rotations.angle(*ends) if len(segments) else np.zeros((0, len(self.joints)))
         moves = (angles > _MIN_TURN).any(axis=1)
         reaches = np.sqrt(2.0 * (limits[0] ** 2).sum(axis=1))
         known = np.sort(reaches[moves])
@@ -99,29 +84,21 @@ class _SegmentIndex:
         # The slowest segment of each clip is among them: no clip is without one.
         slowest = np.full(len(library.entries), np.inf)
         np.minimum.at(slowest, library.segments.clip[segments[moves]], reaches[moves])
-        reach = max(reach, float(slowest[np.isfinite(slowest)].max(initial=0.0)))
-        kept = np.flatnonzero(moves & (reaches <= reach))
-        if not len(kept):
-            return None
+        # The greatest difference of two equal poses in a component.
+        self.reach = max(reach, float(slowest[np.isfinite(slowest)].max(initial=0.0)))
+        kept = np.flatnonzero(moves & (reaches <= self.reach))
         features = _features(ends[0][kept])
-        mean = features.mean(axis=0)
-        axes = np.linalg.eigh((features - mean).T @ (features - mean))[1].T[::-1][:_N_CHECKED]
-        points = (features - mean) @ axes.T
-        keys = _hash(np.floor(points[:, :_N_AXES] / max(2.0 * reach, 1e-9)))
+        self.mean = features.sum(axis=0) / max(len(kept), 1)
+        centered = features - self.mean
+        self.axes = np.linalg.eigh(centered.T @ centered)[1].T[::-1][:_N_CHECKED]
+        points = centered @ self.axes.T
+        keys = _hash(np.floor(points[:, :_N_AXES] / max(2.0 * self.reach, 1e-9)))
         order = np.argsort(keys, kind="stable")
-        sorted_segments = segments[kept[order]]
-        return cls(
-            segments=sorted_segments,
-            lengths=library.segments.lengths[sorted_segments],
-            joints=joints,
-            ends=tuple(own[kept[order]] for own in ends),
-            limits=tuple(own[kept[order]] for own in limits),
-            mean=mean,
-            axes=axes,
-            reach=reach,
-            points=points[order],
-            keys=keys[order],
-        )
+        # The segments by the cell of their first pose, (n, _N_CHECKED); first and last poses, each
+        # (n, n_joints, 4), and the tolerances of the angles in them, each (n, n_joints).
+        self.points, self.keys, self.segments = points[order], keys[order], segments[kept[order]]
+        self.lengths = library.segments.lengths[self.segments]
+        self.ends, self.limits = ([own[kept[order]] for own in each] for each in (ends, limits))
 
     def find(self, quats: FloatArray) -> IntArray:
         """Return the segments that occur among poses, (n_frames, n_joints, 4), of one clip."""

@@ -1,4 +1,4 @@
-"""What a data set holds of its source, and whether classifiers distinguish its grafts from it."""
+"""Whether classifiers distinguish the grafts of a data set from captured motion."""
 
 import csv
 from os import PathLike, fspath
@@ -14,27 +14,7 @@ from mograft.io.csv import without_formula
 TABLE = "provenance.csv"
 """Name of the provenance of a data set."""
 
-Places = dict[str, set[tuple[str, str]]]
-"""For each joint group the clips and first frames, as they are in `TABLE`, of segments."""
-
 _MAX_GRAFTS = 64  # that are built again; their seams give more windows than are compared
-
-
-def coverage(windows: Augmentation, used: Places) -> dict[str, float]:
-    """Return the share of the source that a data set has, by joint group.
-
-    It is the share of the segments that may be used whose cluster has one that is used; segments of
-    a cluster are at most one cluster diameter threshold apart.
-    """
-    library, cut, shares = windows.library, windows.library.segments, {}
-    names = [without_formula(name) for name in library.names]
-    pairs = zip(cut.clip.tolist(), cut.start.tolist(), strict=True)
-    segments = {(names[clip], str(start)): index for index, (clip, start) in enumerate(pairs)}
-    usable = library.is_donor & windows.part.clips[cut.clip]
-    for group, places in used.items():
-        labels, own = library.labels[group], [segments[own] for own in places]
-        shares[group] = float(np.isin(labels[usable], labels[own]).mean())
-    return shares
 
 
 def measure(windows: Augmentation, folder: str | PathLike[str]) -> Detectability:

@@ -23,9 +23,10 @@ from mograft._util.validate import as_integer, check_choice, check_type
 from mograft.datasets.augmentation import PROVENANCE, Augmentation, Window
 from mograft.datasets.executors import call_each, check_executor
 from mograft.datasets.features import FEATURES
-from mograft.datasets.measuring import TABLE, Places, coverage
+from mograft.datasets.measuring import TABLE
 from mograft.datasets.shards import FORMATS, SHARD_SIZE, Files, to_csv, write_files
 from mograft.errors import MograftError
+from mograft.io.csv import without_formula
 from mograft.library.origin import hash_library
 
 SCHEMA = "mograft.dataset/1"
@@ -264,7 +265,7 @@ class _Run:
         windows, library, part = self.windows, self.windows.library, self.windows.part
         donors = Counter[tuple[str, ...]]()
         measures: dict[str, tuple[float, ...]] = {}
-        used: Places = {name: set() for name in library.groups.names}
+        used: dict[str, set[tuple[str, str]]] = {name: set() for name in library.groups.names}
         bases, n_captured, n_parts = Counter[str](), 0, 0
         with (self.folder / TABLE).open(encoding="utf-8", newline="") as stream:
             for row in csv.DictReader(stream):
@@ -277,8 +278,14 @@ class _Run:
                     own = tuple(float(row[name]) for name in ("new", "changed", "gap"))
                     measures[row["window"]] = own
         new, changed, gap = np.array(list(measures.values()) or [(0.0,) * 3]).T
-        is_ours = part.clips[library.segments.clip]
-        n_donors = int((library.is_donor & is_ours).sum())
+        cut, names = library.segments, [without_formula(name) for name in library.names]
+        pairs = zip(cut.clip.tolist(), cut.start.tolist(), strict=True)
+        segments = {(names[clip], str(start)): index for index, (clip, start) in enumerate(pairs)}
+        is_ours, coverage = part.clips[cut.clip], dict[str, float]()
+        for group, places in used.items():  # the share of segments whose cluster has a used one
+            labels, known = library.labels[group], [segments[place] for place in places]
+            is_covered = np.isin(labels[library.is_donor & is_ours], labels[known])
+            coverage[group] = float(is_covered.mean())
         return {
             "windows": self.n_windows,
             "seconds": self.n_windows * windows.n_frames / library.rate,
@@ -288,8 +295,8 @@ class _Run:
             "degrees_at_widest_seam": float(np.median(gap)),
             "captured_parts": n_captured / max(n_parts, 1),
             "segments_used": len(donors),
-            "coverage": coverage(windows, used),
-            "segments_usable": n_donors,
+            "coverage": coverage,
+            "segments_usable": int((library.is_donor & is_ours).sum()),
             "segments_with_faults": int((~library.is_donor & is_ours).sum()),
             "rejected_windows": self.n_rejected,
             "clips_of_part": int(part.clips.sum()),
