@@ -60,8 +60,9 @@ def _run(command: Command, options: Options) -> int:
     try:
         # Only the module of this command is imported: `mograft --help` needs no NumPy.
         run = getattr(importlib.import_module(f"mograft.cli.actions.{module}"), function)
-        if "numpy" in sys.modules:
-            _allocate_blas_buffer()
+        if numpy := sys.modules.get("numpy"):
+            # OpenBLAS allocates its work memory now: it ends the process if that fails later.
+            numpy.linalg.inv(numpy.eye(4))
         code: int = run(options)
         sys.stdout.flush()
     except (FormatError, ProvenanceError) as error:
@@ -93,10 +94,3 @@ def _run(command: Command, options: Options) -> int:
         print("interrupted", file=sys.stderr)
         return 130
     return code
-
-
-def _allocate_blas_buffer() -> None:
-    """Make OpenBLAS allocate its work memory now: it ends the process if that fails later."""
-    import numpy as np
-
-    np.linalg.inv(np.eye(4))

@@ -1,9 +1,8 @@
 """The library, joint groups, configuration and constraints that the options of a command select."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from mograft.cli.syntax.options import (
     LibraryOptions,
     SkeletonOptions,
 )
-from mograft.cli.syntax.values import PRESETS, Range, resolve_frames
+from mograft.cli.syntax.values import PRESETS, SHAPES, Range, resolve_frames
 from mograft.config import scale_of_variety
 from mograft.config_text import parse_fields
 from mograft.io.formats import open_clips, read_clip, split_address
@@ -48,14 +47,6 @@ _CONFLICTS = {
     "beats": ("length", "path"),
 }
 """Options that cannot be combined."""
-
-_SHAPES: Mapping[str, Callable[..., Obstacle]] = {
-    "sphere": constraints.Sphere,
-    "capsule": constraints.Capsule,
-    "box": constraints.Box,
-    "wall": constraints.HalfSpace,
-}
-"""The shapes of ``--avoid``, which are made of their points and a radius, if they have one."""
 
 _FIXED_FIELDS = mg.Config.fields_of(*BUILD_STAGES)
 """Fields of `Config` that can only be set when a library is created."""
@@ -222,24 +213,14 @@ def _with_options(
         if isinstance(path, str) and path.endswith(".json"):
             fields["segmentation"] = read_document(Path(path))
         if isinstance(options, ConstraintOptions):
-            fields = _with_limits(config, fields, options)
+            # A value below a limit is a constraint instead; see `read_constraints`.
+            angle = None if options.max_angle is None else math.radians(options.max_angle)
+            for name, limit in (("max_stretch", options.max_stretch), ("max_angle", angle)):
+                if limit is not None:
+                    fields[name] = max(fields.get(name, getattr(config, name)), limit)
         return mg.Config.from_dict(config.as_dict() | fields)
     except (TypeError, ValueError) as error:
         raise UsageError(f"--set: {error}") from None
-
-
-def _with_limits(
-    config: mg.Config, fields: dict[str, Any], options: ConstraintOptions
-) -> dict[str, Any]:
-    """Return fields of which ``--max-stretch`` and ``--max-angle`` raise the limits.
-
-    A value below such a limit is a constraint instead; see `read_constraints`.
-    """
-    angle = None if options.max_angle is None else math.radians(options.max_angle)
-    for name, limit in (("max_stretch", options.max_stretch), ("max_angle", angle)):
-        if limit is not None:
-            fields = fields | {name: max(fields.get(name, getattr(config, name)), limit)}
-    return fields
 
 
 def read_constraints(options: ConstraintOptions, rate: float) -> list[constraints.Constraint]:
@@ -291,12 +272,11 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
     `numbers` are the dimensions of the shape, or the character's position and yaw in degrees.
     """
     points, rest = [numbers[k : k + 3] for k in range(0, len(numbers) - 2, 3)], numbers[-1]
-    if kind not in _SHAPES:
-        return constraints.Character(
-            read_clip(kind), (numbers[0], numbers[1], numbers[2]), math.radians(rest)
-        )
-    try:
-        return _SHAPES[kind](*points, *([rest] * (len(numbers) % 3)))
+    if kind not in SHAPES:
+        place = (numbers[0], numbers[1], numbers[2])
+        return constraints.Character(read_clip(kind), place, math.radians(rest))
+    try:  # a shape is made of its points and a radius, if it has one
+        return getattr(constraints, SHAPES[kind][0])(*points, *([rest] * (len(numbers) % 3)))
     except ValueError as error:
         text = str(error).replace("`half`", "HX,HY,HZ")
         raise UsageError(f"--avoid {kind}: {text}") from None

@@ -43,8 +43,7 @@ def find_shared_clips(library: Library, ours: BoolArray, others: BoolArray) -> I
     found = np.zeros(len(library.segments), bool)
     for quats in _poses(library, np.flatnonzero(others), index.joints):
         found[index.find(quats)] = True
-    shared: IntArray = np.unique(library.segments.clip[found])
-    return shared
+    return np.unique(library.segments.clip[found])
 
 
 def _poses(library: Library, clips: IntArray, joints: IntArray) -> Iterator[FloatArray]:
@@ -141,7 +140,4 @@ def _features(quats: FloatArray) -> FloatArray:
 
 
 def _hash(cells: FloatArray) -> IntArray:
-    key: IntArray = np.bitwise_xor.reduce(
-        cells.astype(np.int64) * _PRIMES[: cells.shape[1]], axis=1
-    )
-    return key
+    return np.bitwise_xor.reduce(cells.astype(np.int64) * _PRIMES[: cells.shape[1]], axis=1)

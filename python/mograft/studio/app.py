@@ -3,10 +3,9 @@
 import json
 import sys
 import traceback
-from collections.abc import Awaitable, Callable, Sequence
-from functools import partial
+from collections.abc import Awaitable, Callable
 from importlib.resources import files
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 from typing import Any
 
 from anyio import to_thread
@@ -62,21 +61,22 @@ class _Requests:
 
     def routes(self) -> list[Route]:
         """Return the addresses with their handlers."""
+        session = self.session
         table: list[tuple[str, str, _Handler]] = [
             ("GET", "/", self.get_page),
             ("GET", "/studio/{name}", self.get_asset),
             ("GET", "/viewer/{name}", self.get_asset),
-            ("GET", "/api/state", self.get_state),
+            ("GET", "/api/state", _answer(lambda _: session.state())),
             ("GET", "/api/events", self.get_events),
-            ("GET", "/api/figure/{kind}/{name:path}", self.get_figure),
-            ("GET", "/api/character", self.get_character),
-            ("GET", "/api/window/{first:int}/{last:int}/{clip:path}", self.get_window),
+            ("GET", "/api/figure/{kind}/{name:path}", _answer(self.figure)),
+            ("GET", "/api/character", _answer(lambda _: session.character())),
+            ("GET", "/api/window/{first:int}/{last:int}/{clip:path}", _answer(self.window)),
             ("GET", "/api/files/{name:path}", self.get_file),
             ("PUT", "/api/files/{name:path}", self.put_file),
-            ("POST", "/api/do", self.do),
-            ("POST", "/api/donors", self.find_donors),
-            ("POST", "/api/open", self.open),
-            ("POST", "/api/export", self.export),
+            ("POST", "/api/do", _answer(self.do)),
+            ("POST", "/api/donors", _answer(session.donors)),
+            ("POST", "/api/open", _answer(self.open)),
+            ("POST", "/api/export", _answer(session.export)),
         ]
         return [Route(path, call, methods=[method]) for method, path, call in table]
 
@@ -88,60 +88,40 @@ class _Requests:
         """Return a script or style that the package contains."""
         return _asset(request.url.path.split("/")[1], request.path_params["name"])
 
-    async def get_state(self, _: Request) -> Response:
-        """Return what the page shows, apart from motions."""
-        return await _reply(self.session.state)
-
     async def get_events(self, _: Request) -> Response:
         """Return the stream of events."""
         self.events.check_capacity()
         return StreamingResponse(self.events.stream(), media_type="text/event-stream")
 
-    async def get_figure(self, request: Request) -> Response:
+    def figure(self, request: Request) -> dict[str, Any]:
         """Return a motion or clip, or what changed since a version of it."""
         kind, name = request.path_params["kind"], request.path_params["name"]
-        return await _reply(self.session.figure, kind, name, request.query_params.get("since"))
+        return self.session.figure(kind, name, request.query_params.get("since"))
 
-    async def get_character(self, _: Request) -> Response:
-        """Return the mesh of the figures."""
-        return await _reply(self.session.character)
-
-    async def get_window(self, request: Request) -> Response:
+    def window(self, request: Request) -> dict[str, Any]:
         """Return frames of a captured clip."""
-        return await _reply(partial(self.session.window, **request.path_params))
+        return self.session.window(**request.path_params)
 
-    async def do(self, request: Request) -> Response:
+    def do(self, action: dict[str, Any]) -> dict[str, Any]:
         """Perform an action: ``{"action": ..., "revision": ...}`` with the fields of the action."""
-        action = await _document(request)
         revision = action.pop("revision", None)
         if revision is not None and type(revision) is not int:
             raise ValueError(f"`revision` must be an integer or null, got {revision!r}")
         if isinstance(action.get("path"), str):
             action["path"] = str(self.places.find(action["path"]))
-        return await _reply(self.session.do, action, revision)
+        return self.session.do(action, revision)
 
-    async def find_donors(self, request: Request) -> Response:
-        """Return the ranked donors of a range."""
-        return await _reply(self.session.donors, await _document(request))
-
-    async def open(self, request: Request) -> Response:
+    def open(self, document: dict[str, Any]) -> dict[str, Any]:
         """Open files, folders, a library or a project: ``{"paths": [...]}``."""
-        paths = (await _document(request)).get("paths")
-        if not isinstance(paths, list) or not all(isinstance(own, str) for own in paths):
+        texts = document.get("paths")
+        if not isinstance(texts, list) or not all(isinstance(own, str) for own in texts):
             raise ValueError("`paths` must be a list of texts")
-        found = [self.places.find(text) for text in paths]
-        return await _reply(partial(self._open, found))
-
-    def _open(self, paths: Sequence[Path]) -> dict[str, Any]:
+        paths = [self.places.find(text) for text in texts]
         for path in paths:
             if path.suffix.lower() == ".json" and not self.places.has_output(path):
                 raise Refusal(403, "path", f"{path} would be changed: open it by mograft studio")
         self.session.open(paths)
         return {"revision": self.session.revision}
-
-    async def export(self, request: Request) -> Response:
-        """Write motions to files below the folder of the session."""
-        return await _reply(self.session.export, await _document(request))
 
     async def get_file(self, request: Request) -> Response:
         """Return a file below the folder of the session, to be saved."""
@@ -173,13 +153,21 @@ async def _document(request: Request) -> dict[str, Any]:
     return document
 
 
-async def _reply(call: Callable[..., Any], *arguments: Any) -> Response:  # noqa: ANN401
-    """Return the result of a call, which runs in a thread, as JSON."""
+def _answer(call: Callable[[Any], Any]) -> _Handler:
+    """Return a handler that replies with the JSON of a call, which runs in a thread.
 
-    def encode() -> bytes:
-        return json.dumps(call(*arguments), allow_nan=False, separators=(",", ":")).encode()
+    The argument of the call is the request, or of a POST request the JSON object in its body.
+    """
 
-    return Response(await to_thread.run_sync(encode), media_type="application/json")
+    async def handle(request: Request) -> Response:
+        given = await _document(request) if request.method == "POST" else request
+
+        def encode() -> bytes:
+            return json.dumps(call(given), allow_nan=False, separators=(",", ":")).encode()
+
+        return Response(await to_thread.run_sync(encode), media_type="application/json")
+
+    return handle
 
 
 async def _reply_to_error(request: Request, error: Exception) -> Response:

@@ -204,8 +204,7 @@ class _Reader:
         is_below = all((self.new / str(own.get("file"))).exists() for own in files)
         if self.old == self.new or is_below:
             return record
-        moved: Record = move_record(record, self.old, self.new)
-        return moved
+        return move_record(record, self.old, self.new)
 
     def moved(self, path: str) -> str:
         """Return a path below the saved folder as one below the present folder, if it is there."""

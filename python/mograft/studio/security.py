@@ -4,7 +4,7 @@ import asyncio
 import hmac
 import secrets
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,28 +56,21 @@ class Token:
     def __init__(self, port: int) -> None:
         self.text = secrets.token_urlsafe(32)
         self.port = port
-        self._cookie = f"mograft-studio-{port}"  # cookies do not depend on the port
+        self.cookie = f"mograft-studio-{port}"  # cookies do not depend on the port
 
     @property
     def url(self) -> str:
         """The address that opens the page."""
         return f"http://127.0.0.1:{self.port}/?token={self.text}"
 
-    def is_in_query(self, request: HTTPConnection) -> bool:
-        """Return whether the query of a request has the token."""
-        return self._is(request.query_params.get("token", ""))
-
-    def is_in_cookie(self, request: HTTPConnection) -> bool:
-        """Return whether a request has the cookie."""
-        return self._is(request.cookies.get(self._cookie, ""))
-
-    def _is(self, text: str) -> bool:
-        return hmac.compare_digest(text.encode(), self.text.encode())
+    def is_in(self, values: Mapping[str, str], name: str) -> bool:
+        """Return whether a query or the cookies of a request have the token under a name."""
+        return hmac.compare_digest(values.get(name, "").encode(), self.text.encode())
 
     def redirect(self) -> Response:
         """Return the reply that sets the cookie, and opens the page without the token."""
         response = RedirectResponse("/", 303)
-        response.set_cookie(self._cookie, self.text, httponly=True, samesite="strict")
+        response.set_cookie(self.cookie, self.text, httponly=True, samesite="strict")
         return response
 
 
@@ -126,9 +119,9 @@ class Guard:
         origin = headers.get("origin", "" if is_reading else "none")
         if origin not in ("", f"http://{host}") or site not in ("none", "same-origin"):
             raise Refusal(403, "origin", f"requests of other pages are refused: {_short(origin)}")
-        if scope["path"] == "/" and is_reading and self.token.is_in_query(request):
+        if scope["path"] == "/" and is_reading and self.token.is_in(request.query_params, "token"):
             return self.token.redirect()
-        if not self.token.is_in_cookie(request):
+        if not self.token.is_in(request.cookies, self.token.cookie):
             raise Refusal(403, "token", "open the URL that mograft studio printed, with its token")
         return None
 

@@ -41,7 +41,7 @@ def state(desk: Desk) -> Json:
         "redo": future[0][0] if future else None,
         "sources": list(opened.sources),
         "clips": list(opened.clips),
-        **_skeleton(library),
+        "skeleton": {"joints": _joints(library)},
         "groups": {
             **_groups(library),
             "presets": list(PRESETS),
@@ -61,12 +61,11 @@ def state(desk: Desk) -> Json:
     }
 
 
-def _skeleton(library: Library | None) -> Json:
-    joints = []
-    if library is not None:
-        pairs = zip(library.skeleton.names, library.skeleton.parents.tolist(), strict=True)
-        joints = [{"name": name, "parent": parent} for name, parent in pairs]
-    return {"skeleton": {"joints": joints}}
+def _joints(library: Library | None) -> list[Json]:
+    if library is None:
+        return []
+    pairs = zip(library.skeleton.names, library.skeleton.parents.tolist(), strict=True)
+    return [{"name": name, "parent": parent} for name, parent in pairs]
 
 
 def _groups(library: Library | None) -> Json:

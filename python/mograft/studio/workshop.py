@@ -90,8 +90,7 @@ class Workshop:
 
     def record(self, key: str) -> Record:
         """Return a provenance record with paths relative to the working folder."""
-        record: Record = move_record(json.loads(self.texts[key]), self.folder, Path())
-        return record
+        return move_record(json.loads(self.texts[key]), self.folder, Path())
 
     def keep_only(self, keys: Collection[str]) -> None:
         """Forget the records that have none of these keys, if they are many."""

@@ -129,8 +129,7 @@ def encode_change(old: Motion, figure: Figure, *, is_mesh: bool) -> dict[str, An
 
 def _turning_joints(turns: FloatArray) -> IntArray:
     """Return the joints that have a rotation in any frame, given (n_frames, n_joints, 4)."""
-    joints: IntArray = np.flatnonzero((turns != rotations.IDENTITY).any(axis=(0, 2)))
-    return joints
+    return np.flatnonzero((turns != rotations.IDENTITY).any(axis=(0, 2)))
 
 
 def encode_window(motion: Motion, first: int, last: int) -> dict[str, Any]:
@@ -173,14 +172,11 @@ def _encode_motion(
 
     `precision` is that of rotations and positions, relative to that of capsules.
     """
-    skeleton, units = motion.skeleton, (_ROTATION_UNIT, 1e-4 * drawn.height)
+    skeleton, frames = motion.skeleton, np.arange(0, motion.n_frames, step)
+    units = (precision * _ROTATION_UNIT, precision * 1e-4 * drawn.height)
     return {
         **{"frames": motion.n_frames, "dt": motion.frame_time},
-        **_encode_frames(
-            motion,
-            np.arange(0, motion.n_frames, step),
-            (precision * units[0], precision * units[1]),
-        ),
+        **_encode_frames(motion, frames, units),
         **{"step": step, "parents": skeleton.parents.tolist(), "root": drawn.root},
         "offsets": _numbers(skeleton.offsets.ravel()),
         "ends": [[joint, *_numbers(offset)] for joint, offset in drawn.ends],
@@ -325,8 +321,7 @@ def _energy_curve(motion: Motion) -> list[int]:
     frames = np.linspace(0, len(energy) - 1, n_points).round().astype(int)
     # The scale ends at the 99th percentile, as single high peaks would flatten the curve.
     top = float(np.percentile(energy, 99)) or 1.0
-    levels: list[int] = np.round(255 * np.clip(energy[frames] / top, 0, 1)).astype(int).tolist()
-    return levels
+    return np.round(255 * np.clip(energy[frames] / top, 0, 1)).astype(int).tolist()
 
 
 def _ordinal(number: int) -> str:

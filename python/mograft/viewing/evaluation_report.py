@@ -204,16 +204,8 @@ def _detectability_section(rows: Sequence[Detectability]) -> list[str]:
 
 
 def _balance_section(evaluation: Evaluation) -> list[str]:
-    head = [
-        "method",
-        "balance",
-        "unbalanced",
-        "of changed",
-        "change, points",
-        "flight",
-        "runs",
-        "n",
-    ]
+    head = ["method", "balance", "unbalanced", "of changed", "change, points"]
+    head += ["flight", "runs", "n"]
     rows = sorted(evaluation.balance, key=lambda row: row.kind, reverse=True)
     model, masses = mass_model(evaluation.library.skeleton), "has the masses of de Leva"
     if model.model != "de Leva":

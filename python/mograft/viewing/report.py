@@ -90,11 +90,13 @@ def report_page(
         shown = f"The buttons above the figures show and hide each of the {len(grafts)} motions. "
     summary = "\n".join(graft.report() for graft in grafts)
     motions = _motion_table(grafts, files or [None] * len(grafts), columns or [{}] * len(grafts))
+    pairs = zip(grafts, files, strict=False)  # a graft with a file has the command that edits it
+    scene = Scene.of(grafts).with_files({id(own.motion): path for own, path in pairs if path})
     parameters = _parameter_table(library).replace('class="wide"', 'class="wide plain"')
     body_html = f"""<main>
 <h1>{html.escape(heading)}</h1>
 <p class="lead">{html.escape(lead)}</p>
-{viewer_html(_scene(grafts, files), n_shown=1 + _MAX_SHOWN)}
+{viewer_html(scene, n_shown=1 + _MAX_SHOWN)}
 <p class="note">{shown}{_TIMELINE_NOTE}</p>
 {_cards(library)}
 <h2>Motions</h2>
@@ -112,12 +114,6 @@ def report_page(
 
 def _details(heading: str, content: str) -> str:
     return f"<details><summary><h2>{heading}</h2></summary>\n{content}\n</details>"
-
-
-def _scene(grafts: Sequence[Graft], files: Sequence[Path | None]) -> Scene:
-    """Return the scene of grafts; a graft with a file has the command line that edits it."""
-    pairs = zip(grafts, files, strict=False)
-    return Scene.of(grafts).with_files({id(own.motion): path for own, path in pairs if path})
 
 
 _TIMELINE_NOTE = (

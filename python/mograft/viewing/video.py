@@ -151,8 +151,7 @@ def _find_ffmpeg() -> str:
     if found is not None and find_spec("imageio_ffmpeg") is None:
         return found
     package = import_extra("imageio_ffmpeg", "films need imageio-ffmpeg", "video")
-    program: str = package.get_ffmpeg_exe()
-    return program
+    return package.get_ffmpeg_exe()
 
 
 def _gif(pictures: "Iterator[Image]", rate: float, count: int) -> bytes:

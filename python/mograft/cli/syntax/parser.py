@@ -182,20 +182,14 @@ def _check_names(parsers: Parsers, words: Sequence[str]) -> tuple[str, ...]:
             hint = suggest_name(name, flags, prefix="--", cutoff=0.7)
             if any(word in name for word in _COUNT_WORDS) and "--count" in flags:
                 hint = "; did you mean '-n', the number of motions?"
-            others = [
-                own for own in parsers if own[:1] != path[:1] and _has_flag(parsers[own], name)
-            ]
-            if others:
-                usage = parsers[others[0]].usage or ""
-                hint = f"; {usage.removesuffix(' [options]')} has it"
+            for own in (parser for key, parser in parsers.items() if key[:1] != path[:1]):
+                other: Command | None = own.get_default("command")
+                if other and any(name in each.flags for each in other.arguments()):
+                    hint = f"; {(own.usage or '').removesuffix(' [options]')} has it"
+                    break
             hint = hint or f"; mograft {' '.join(path)} --help-all lists all options"
             parsers[path].error(f"{' '.join(path)} has no option {name}{hint}")
     return path
-
-
-def _has_flag(parser: argparse.ArgumentParser, name: str) -> bool:
-    command = parser.get_default("command")
-    return command is not None and any(name in own.flags for own in command.arguments())
 
 
 def parse(

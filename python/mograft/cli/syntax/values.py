@@ -17,12 +17,12 @@ from mograft.errors import suggest_name
 _MAX_SECONDS = 1e9  # times the frame rate of any file, this is a finite number of frames
 
 SHAPES = {
-    "sphere": "X,Y,Z,RADIUS",
-    "capsule": "X,Y,Z,X,Y,Z,RADIUS",
-    "box": "X,Y,Z,HX,HY,HZ",
-    "wall": "X,Y,Z,NX,NY,NZ",
+    "sphere": ("Sphere", "X,Y,Z,RADIUS"),
+    "capsule": ("Capsule", "X,Y,Z,X,Y,Z,RADIUS"),
+    "box": ("Box", "X,Y,Z,HX,HY,HZ"),
+    "wall": ("HalfSpace", "X,Y,Z,NX,NY,NZ"),
 }
-"""The numbers that describe each shape of ``--avoid``."""
+"""The class of each shape of ``--avoid`` in `mograft.constraints`, and its numbers."""
 
 VMC_PORT = "39539"
 """Port at which receivers of VMC listen."""
@@ -316,11 +316,11 @@ def _shape(text: str) -> tuple[str, tuple[float, ...]]:
     """Parse a shape or the file of a character into its name and numbers."""
     kind, colon, rest = text.partition(":")
     if colon and kind in SHAPES:
-        return kind, _numbers(rest, SHAPES[kind], prefix=f"{kind}:")
+        return kind, _numbers(rest, SHAPES[kind][1], prefix=f"{kind}:")
     name, separator, place = text.rpartition("@")
     path = Path((name or text).partition("#")[0])
     if not path.exists() and (not path.suffix or re.search("[,;=:]", str(path))):
-        forms = ", ".join(map(":".join, SHAPES.items()))
+        forms = ", ".join(f"{name}:{numbers}" for name, (_, numbers) in SHAPES.items())
         hint = suggest_name(kind, SHAPES, cutoff=0.8)
         raise ArgumentTypeError(f"expected a file, or one of {forms}, got {text}{hint}")
     if not separator or Path(text).exists():
