@@ -23,7 +23,6 @@ from mograft._util.validate import as_integer, check_choice, check_type
 from mograft.datasets.augmentation import PROVENANCE, Augmentation, Window
 from mograft.datasets.executors import call_each, check_executor
 from mograft.datasets.features import FEATURES
-from mograft.datasets.measuring import TABLE
 from mograft.datasets.shards import FORMATS, SHARD_SIZE, Files, to_csv, write_files
 from mograft.errors import MograftError
 from mograft.io.csv import without_formula
@@ -31,6 +30,7 @@ from mograft.library.origin import hash_library
 
 SCHEMA = "mograft.dataset/1"
 MANIFEST = "manifest.json"
+TABLE = "provenance.csv"
 
 _HASHED = ("library", "bases")  # entries of requests
 _PARTS = ".provenance"
@@ -171,8 +171,7 @@ class _Run:
             run.write_manifest()  # from now on the folder is ours
             return run
         document = read_document(path)
-        if document.get("schema") != SCHEMA:
-            found = document.get("schema")
+        if (found := document.get("schema")) != SCHEMA:
             raise ValueError(f"{path}: expected a manifest of {SCHEMA}, got {found}")
         known = document["request"]
         if other := [name for name, value in request.items() if known.get(name) != value]:
@@ -192,20 +191,19 @@ class _Run:
     def write_shards(self, executor: Executor | None, progress: Progress | None) -> None:
         """Write shards until there are `count` windows, or a pass over all bases gives none."""
         pending, count, n_bases = list[Window](), self.request["count"], len(self.windows.bases)
-        written = self.n_windows
-        if written == count or self.is_exhausted:
+        if self.n_windows == count or self.is_exhausted:
             return
         run = partial(Augmentation.run_job, encode=FORMATS[self.request["format"]].encode)
         results = call_each(executor, run, self.windows, itertools.count(self.job))
         for job, (windows, n_rejected) in enumerate(results, self.job):
-            self.job, n_known = job, self.offset
-            for offset, window in enumerate(windows[n_known:], n_known + 1):
+            self.job = job
+            for offset, window in enumerate(windows[self.offset :], self.offset + 1):
                 pending.append(window)
                 self.offset, self.n_in_pass = offset, self.n_in_pass + 1
-                self.n_windows = written + len(pending)
+                self.n_windows += 1
                 if len(pending) == SHARD_SIZE or self.n_windows == count:
                     self._write_shard(pending)
-                    written, pending = self.n_windows, []
+                    pending = []
                 if progress is not None:
                     progress("windows", self.n_windows, count)
                 if self.n_windows == count:
