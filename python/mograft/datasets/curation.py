@@ -82,8 +82,8 @@ class Curation:
         return kept / sum(own.frames for own in self.choices)
 
     def __repr__(self) -> str:
-        n, share = len(self.kept), self.kept_share
-        return f"Curation({n} of {len(self.choices)} clips, {share:.0%} of the frames)"
+        counts = f"{len(self.kept)} of {len(self.choices)} clips"
+        return f"Curation({counts}, {self.kept_share:.0%} of the frames)"
 
 
 def curate(
@@ -190,7 +190,7 @@ def _choose(
 def _choose_in_shard(context: tuple[Library, str | None], item: tuple[IntArray, float]) -> IntArray:
     clips, radius = item
     cover = _Cover.of(*context).within(clips)
-    return np.array(list(cover.select(radius)[1]), np.int64) if len(cover.segments) else clips[:0]
+    return np.array(list(cover.select(radius)[1]), np.int64) if len(cover.clips) else clips[:0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +198,7 @@ class _Cover:
     """The segments that count, as points whose distances are in cluster diameter thresholds."""
 
     library: Library
-    segments: IntArray  # without faults
+    clips: IntArray  # of the segments without faults
     points: FloatArray
 
     @classmethod
@@ -214,12 +214,13 @@ class _Cover:
         segments = np.flatnonzero(library.is_donor)
         if not len(segments):
             raise InsufficientDataError("all segments have faults")
-        return cls(library, segments, np.concatenate(spaces, axis=1)[segments])
+        points = np.concatenate(spaces, axis=1)[segments]
+        return cls(library, library.segments.clip[segments], points)
 
     def within(self, clips: IntArray) -> "_Cover":
         """Return the segments of some clips."""
-        rows = np.isin(self.library.segments.clip[self.segments], clips)
-        return replace(self, segments=self.segments[rows], points=self.points[rows])
+        rows = np.isin(self.clips, clips)
+        return replace(self, clips=self.clips[rows], points=self.points[rows])
 
     def choose(self, radius: float, whole: "_Cover | None" = None) -> Curation:
         """Return the choice of clips for a radius; `whole` has the segments of all clips."""
@@ -236,14 +237,14 @@ class _Cover:
 
         The clips are in the order in which they were chosen.
         """
-        cut, entries = self.library.segments, self.library.entries
-        labels = cut_tree(self.points, radius)
-        clips = cut.clip[self.segments]
+        labels, entries = cut_tree(self.points, radius), self.library.entries
         # Complex segments vary more: their distance from the mean point.
         spread = np.linalg.norm(self.points - self.points.mean(axis=0), axis=1)
         weights = np.zeros(labels.max() + 1)
         np.maximum.at(weights, labels, 1.0 + spread)
-        members = _by_clip(clips, labels, len(entries))
+        # The clusters of each clip, each once.
+        pairs = np.unique(np.stack([self.clips, labels], axis=1), axis=0)
+        members = np.split(pairs[:, 1], np.searchsorted(pairs[:, 0], np.arange(1, len(entries))))
         frames = np.array([entry.n_frames for entry in entries])
         is_new, added = np.ones(len(weights), bool), dict[int, int]()
         gains = np.array([weights[own].sum() for own in members]) / frames
@@ -265,10 +266,8 @@ class _Cover:
 
         With `labels` the nearest is searched in the cluster of each segment.
         """
-        labels = np.zeros(len(self.segments), np.int64) if labels is None else labels
-        cut, entries = self.library.segments, self.library.entries
-        clips = cut.clip[self.segments]
-        is_kept = np.isin(clips, list(added))
+        labels = np.zeros(len(self.clips), np.int64) if labels is None else labels
+        is_kept = np.isin(self.clips, list(added))
         distances = np.zeros(len(labels))
         # The nearest kept segment of a cluster; it has one, at most `radius` away.
         order = np.argsort(labels, kind="stable")
@@ -281,10 +280,9 @@ class _Cover:
                 chunk = others[start : start + step]
                 gaps = self.points[chunk, None] - self.points[kept][None]
                 distances[chunk] = np.sqrt((gaps**2).sum(axis=2).min(axis=1))
-        worst = np.full(len(entries), np.nan)
-        np.fmax.at(worst, clips, distances)
-        found = []
-        for clip, entry in enumerate(entries):
+        worst, found = np.full(len(self.library.entries), np.nan), list[Choice]()
+        np.fmax.at(worst, self.clips, distances)
+        for clip, entry in enumerate(self.library.entries):
             number = added.get(clip)
             reason = f"adds {number} of {n_clusters} clusters"
             if number is None and np.isnan(worst[clip]):
@@ -296,9 +294,3 @@ class _Cover:
             is_chosen = number is not None
             found.append(Choice(entry.name, is_chosen, entry.n_frames, reason, float(worst[clip])))
         return found
-
-
-def _by_clip(clips: IntArray, labels: IntArray, n_clips: int) -> list[IntArray]:
-    """Return the clusters of each clip, ascending, each once."""
-    pairs = np.unique(np.stack([clips, labels], axis=1), axis=0)
-    return np.split(pairs[:, 1], np.searchsorted(pairs[:, 0], np.arange(1, n_clips)))

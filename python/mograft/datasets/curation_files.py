@@ -16,13 +16,12 @@ from mograft.datasets.curation import Choice, Curation
 from mograft.datasets.shards import to_csv
 from mograft.library.library import Library
 from mograft.viewing.page import Page, assemble_page, viewer_html
-from mograft.viewing.report import REPORT_STYLE, wide_table
+from mograft.viewing.report import REPORT_STYLE, curve_svg, wide_table
 from mograft.viewing.scene import Scene
 
 _N_EXAMPLES = 5  # of kept and of dropped clips, in the viewer
 _EXAMPLE_SECONDS = 10.0
 _MAX_ROWS = 500  # of a table on the page
-_WIDTH, _HEIGHT, _MARGIN = 480, 220, 44  # of the curve, in pixels
 
 
 def curation_table(found: Curation) -> bytes:
@@ -65,10 +64,12 @@ def curation_page(library: Library, found: Curation) -> Page:
         replace(library.clips[rows[own.clip]][:length], name=f"{word}: {own.clip}", path=None)
         for word, own in shown
     ]
+    total = sum(own.frames for own in found.choices)
+    shares = [(0.0, 0.0), *((frames / total, own) for frames, own in found.curve)]
     body = f"""<main>
 <h1>Choice of clips</h1>
 <p class="lead">{lead}</p>
-{_curve(found)}
+{curve_svg("Coverage of the clusters by kept clips", np.array(shares), "of the frames")}
 <p class="note">Share of the clusters that have a segment of a kept clip, over the share of the
 frames in kept clips, in the order in which they were chosen.</p>
 <h2>Examples</h2>
@@ -157,25 +158,3 @@ def _rows(choices: Sequence[Choice]) -> str:
     ]
     more = f"<p>{len(choices) - _MAX_ROWS:,} more rows</p>" if len(choices) > _MAX_ROWS else ""
     return wide_table(("clip", "frames", "nearest", "reason"), cells) + more
-
-
-def _curve(found: Curation) -> str:
-    """Return the curve of coverage as SVG, which needs neither scripts nor style sheets."""
-    total = sum(own.frames for own in found.choices)
-    shares = np.array([(0.0, 0.0), *((frames / total, own) for frames, own in found.curve)])
-    width, height = _WIDTH - 2 * _MARGIN, _HEIGHT - 2 * _MARGIN
-    right = max(float(shares[-1, 0]), 1e-9)
-    x = _MARGIN + shares[:, 0] / right * width
-    y = _HEIGHT - _MARGIN - shares[:, 1] * height
-    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
-    line = 'stroke="currentColor" fill="none"'
-    text = 'fill="currentColor" font-size="12"'
-    left, top, bottom, end = _MARGIN, _MARGIN, _HEIGHT - _MARGIN, _WIDTH - _MARGIN
-    return f"""<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" width="{_WIDTH}" height="{_HEIGHT}" role="img">
-<title>Coverage of the clusters by kept clips</title>
-<path d="M{left} {top}V{bottom}H{end}" opacity="0.5" {line}/>
-<polyline points="{points}" stroke-width="2" {line}/>
-<text x="{left - 6}" y="{top + 4}" text-anchor="end" {text}>100 %</text>
-<text x="{left - 6}" y="{bottom + 4}" text-anchor="end" {text}>0 %</text>
-<text x="{end}" y="{bottom + 18}" text-anchor="end" {text}>{right:.1%} of the frames</text>
-</svg>"""

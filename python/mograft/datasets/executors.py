@@ -32,6 +32,4 @@ def _call(payload: bytes, function: Callable[..., T], item: object) -> T:
     return function(_unpickle(payload), item)
 
 
-@lru_cache(maxsize=1)
-def _unpickle(payload: bytes) -> Any:  # noqa: ANN401 - what the caller pickled
-    return pickle.loads(payload)
+_unpickle = lru_cache(maxsize=1)(pickle.loads)

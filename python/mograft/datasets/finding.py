@@ -225,7 +225,7 @@ class _Query:
         span = int(cut.start[own[0]]), int(cut.stop[own[-1]])
         n = min(span[1] - span[0], _MAX_WARPED_FRAMES)
         poses = _sample([library.clips[int(cut.clip[own[0]])]], [span], n + 1, compared)[0]
-        size, hits = _WARPED_PAIRS // n**2 + 1, list[Hit]()
+        size, names, hits = _WARPED_PAIRS // n**2 + 1, library.names, list[Hit]()
         for low in range(0, len(runs), size):
             batch = runs[low : low + size]
             first = batch[:, 0].astype(int)
@@ -234,10 +234,8 @@ class _Query:
             gaps = gaps_in_band(poses, _sample(clips, spans[1:].T.tolist(), 2 * n + 1, compared))
             path = warping_path(gaps).astype(np.int64)[..., None]
             angles = np.take_along_axis(gaps, path, axis=2)[..., 0].mean(axis=1)
-            for (clip, *frames), *found in zip(
-                spans.T.tolist(), batch[:, 1].tolist(), angles.tolist(), strict=True
-            ):
-                hits.append(Hit(library.entries[clip].name, *frames, *found))
+            found = zip(spans.T.tolist(), batch[:, 1].tolist(), angles.tolist(), strict=True)
+            hits += [Hit(names[clip], *frames, *own) for (clip, *frames), *own in found]
         return hits
 
 

@@ -104,22 +104,13 @@ def humanml3d(joints: FloatArray) -> FloatArray:
     feet = (steps[:, _FEET] ** 2).sum(axis=2) < _MAX_SQUARED_STEP
     between = rotations.multiply(heading[1:], rotations.inverse(heading[:-1]))
     velocity = rotations.rotate(heading[1:], steps[:, 0])
-    local = points - points[:, :1] * [1.0, 0.0, 1.0]
-    local = rotations.rotate(heading[:, None], local)
-    columns = [rotations.rotate(turns[:, 1:], axis) for axis in np.eye(3)[:2]]
-    n = len(steps)
-    return np.concatenate(
-        [
-            np.arcsin(np.clip(between[:, 1:2], -1.0, 1.0)),
-            velocity[:, [0, 2]],
-            local[:-1, 0, 1:2],
-            local[:-1, 1:].reshape(n, -1),
-            np.concatenate(columns, axis=2)[:-1].reshape(n, -1),
-            rotations.rotate(heading[:-1, None], steps).reshape(n, -1),
-            feet.astype(np.float64),
-        ],
-        axis=1,
-    )
+    local = rotations.rotate(heading[:, None], points - points[:, :1] * [1.0, 0.0, 1.0])[:-1]
+    columns = [rotations.rotate(turns[:-1, 1:], axis) for axis in np.eye(3)[:2]]
+    displacements = rotations.rotate(heading[:-1, None], steps)
+    angles = np.arcsin(np.clip(between[:, 1:2], -1.0, 1.0))
+    of_joints = [local[:, 1:], np.concatenate(columns, axis=2), displacements]
+    rows = [own.reshape(len(steps), -1) for own in of_joints]
+    return np.concatenate([angles, velocity[:, [0, 2]], local[:, 0, 1:2], *rows, feet], axis=1)
 
 
 def _inverse_kinematics(points: FloatArray) -> tuple[FloatArray, FloatArray]:

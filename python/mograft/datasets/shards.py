@@ -93,12 +93,8 @@ FORMATS = {
     "npz": ShardFormat(_npz_files),
     "parquet": ShardFormat(_parquet_files),
     "lerobot": ShardFormat(_lerobot_files, meta=_lerobot_meta),
-    **{
-        name: ShardFormat(
-            partial(_motion_files, suffix=f".{name}"), partial(_encode, suffix=f".{name}")
-        )
-        for name in ("bvh", "glb")
-    },
+    "bvh": ShardFormat(partial(_motion_files, suffix=".bvh"), partial(_encode, suffix=".bvh")),
+    "glb": ShardFormat(partial(_motion_files, suffix=".glb"), partial(_encode, suffix=".glb")),
 }
 """The formats by name."""
 

@@ -125,11 +125,9 @@ def _automatic_parts(library: Library, text: str, seed: int) -> list[str]:
         )
     names, shares = list(AUTOMATIC_SHARES), np.array(list(AUTOMATIC_SHARES.values()))
     # Hashes of names do not depend on the order of the clips.
-    firsts = [
-        min(library.entries[clip].name for clip in np.flatnonzero(units == unit).tolist())
-        for unit in range(len(n_frames))
-    ]
-    order = sorted(range(len(n_frames)), key=lambda unit: _digest(seed, firsts[unit]))
+    firsts = dict(sorted(zip(units.tolist(), library.names, strict=True), reverse=True))
+    texts = {own: f"{seed} {name}".encode("utf-8", "surrogatepass") for own, name in firsts.items()}
+    order = sorted(texts, key=lambda own: hashlib.sha256(texts[own]).digest())
     assigned, part_of = np.zeros(len(names)), np.zeros(len(n_frames), np.int64)
     for n_left, unit in zip(range(len(order), 0, -1), order, strict=True):
         lacking = shares - assigned / n_frames.sum()
@@ -165,7 +163,3 @@ def _units(library: Library, kind: str, pattern: str) -> IntArray:
             parent[find(key)] = find(first)
     numbers: dict[str, int] = {}
     return np.array([numbers.setdefault(find(own[0]), len(numbers)) for own in keys])
-
-
-def _digest(seed: int, name: str) -> bytes:
-    return hashlib.sha256(f"{seed} {name}".encode("utf-8", "surrogatepass")).digest()

@@ -26,6 +26,8 @@ from mograft.viewing.scene import Scene
 _MAX_SHOWN = 4
 """Maximum number of grafts that the viewer shows at first, beside their base."""
 
+_WIDTH, _HEIGHT, _MARGIN = 480, 220, 44  # of a curve, in pixels
+
 REPORT_STYLE = f"\n{asset('report.css')}\n"
 
 
@@ -290,3 +292,25 @@ def wide_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return an HTML table that scrolls; texts of `head` are plain, cells of `rows` are HTML."""
     cells = ("".join(f"<td>{cell}</td>" for cell in row) for row in rows)
     return f'<div class="wide">{html_table(head, cells)}</div>'
+
+
+def curve_svg(title: str, shares: FloatArray, unit: str) -> str:
+    """Return a curve of two shares, (n, 2), as SVG, which needs neither scripts nor style sheets.
+
+    `unit` is that of the first share, whose axis ends with the curve.
+    """
+    right = max(float(shares[-1, 0]), 1e-9)
+    left, top, bottom, end = _MARGIN, _MARGIN, _HEIGHT - _MARGIN, _WIDTH - _MARGIN
+    x = left + shares[:, 0] / right * (end - left)
+    y = bottom - shares[:, 1] * (bottom - top)
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+    line = 'stroke="currentColor" fill="none"'
+    text = 'fill="currentColor" font-size="12"'
+    return f"""<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" width="{_WIDTH}" height="{_HEIGHT}" role="img">
+<title>{title}</title>
+<path d="M{left} {top}V{bottom}H{end}" opacity="0.5" {line}/>
+<polyline points="{points}" stroke-width="2" {line}/>
+<text x="{left - 6}" y="{top + 4}" text-anchor="end" {text}>100 %</text>
+<text x="{left - 6}" y="{bottom + 4}" text-anchor="end" {text}>0 %</text>
+<text x="{end}" y="{bottom + 18}" text-anchor="end" {text}>{right:.1%} {unit}</text>
+</svg>"""
