@@ -1,4 +1,4 @@
-"""Fixtures of the command line: clips, an empty working folder, and ways to run commands."""
+"""Fixtures of the command line: clips, an empty working folder, and usage errors."""
 
 import os
 from dataclasses import replace
@@ -7,9 +7,7 @@ from functools import partial
 import pytest
 
 from mograft import write_bvh
-from mograft.cli import main
 from mograft.dancer import dance
-from tests.exit_codes import exit_code
 
 
 @pytest.fixture(autouse=True)
@@ -60,43 +58,6 @@ def slow_clip(tmp_path_factory):
     path = tmp_path_factory.mktemp("slow") / "slow.bvh"
     write_bvh(replace(dance(seed=1, strides=1).motion, frame_time=1.0), path)
     return path
-
-
-@pytest.fixture
-def run(capsys):
-    """Run a command; return the exit code, stdout and stderr."""
-
-    def run_command(*words):
-        code = main([str(word) for word in words])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return run_command
-
-
-@pytest.fixture
-def succeed(run):
-    """Run a command that must succeed; return stdout and stderr."""
-
-    def run_command(*words):
-        code, out, err = run(*words)
-        assert code == 0, err
-        return out, err
-
-    return run_command
-
-
-@pytest.fixture
-def fail(capsys):
-    """Run a command that must end with an exit code and without a result; return stderr."""
-
-    def run_command(code, *words):
-        assert exit_code([str(word) for word in words]) == code
-        captured = capsys.readouterr()
-        assert captured.out == ""
-        return captured.err
-
-    return run_command
 
 
 @pytest.fixture

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft import datasets
-from mograft.cli import main
 from tests.strategies import few_examples
 
 
@@ -95,13 +94,12 @@ def test_too_few_segments_are_an_error(takes):
         datasets.curate(library)
 
 
-def test_command_prints_the_kept_files_and_writes_a_table(stored, tmp_path, capsys):
+def test_command_prints_the_kept_files_and_writes_a_table(stored, tmp_path, succeed):
     found = datasets.curate(stored, radius=3.0)
     assert 0 < len(found.kept) < len(stored.names)
     table = tmp_path / "kept.csv"
-    words = ["curate", str(stored.folder), "--radius", "3"]
-    assert main([*words, "-o", str(table)]) == 0
-    out, err = capsys.readouterr()
+    words = ["curate", stored.folder, "--radius", 3]
+    out, err = succeed(*words, "-o", table)
     kept = [own for own in stored.entries if own.name in found.kept]
     assert out.splitlines() == [own.source_file.path for own in kept]
     assert "every other segment is within 3.000" in err
@@ -109,21 +107,18 @@ def test_command_prints_the_kept_files_and_writes_a_table(stored, tmp_path, caps
         rows = list(csv.DictReader(stream))
     assert [row["clip"] for row in rows if row["kept"] == "1"] == found.kept
     assert all(row["reason"] for row in rows)
-    assert main([*words, "--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
-    assert [own["clip"] for own in document["clips"] if own["is_kept"]] == found.kept
-    found = datasets.curate(stored, radius=3.0, shards=2)
-    assert main([*words, "--shards", "2", "-j", "2", "--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
-    assert [own["clip"] for own in document["clips"] if own["is_kept"]] == found.kept
+    in_shards = datasets.curate(stored, radius=3.0, shards=2)
+    for options, expected in ((), found), (("--shards", 2, "-j", 2), in_shards):
+        document = json.loads(succeed(*words, *options, "--json")[0])
+        assert [own["clip"] for own in document["clips"] if own["is_kept"]] == expected.kept
 
 
 @pytest.mark.parametrize("files", ["link", "copy", None])
-def test_command_writes_a_folder_with_page_and_files(stored, tmp_path, files):
+def test_command_writes_a_folder_with_page_and_files(stored, tmp_path, succeed, files):
     found = datasets.curate(stored, radius=3.0)
     target = tmp_path / "choice"
-    words = ["curate", str(stored.folder), "--radius", "3", "-o", str(target)]
-    assert main([*words, *([] if files is None else ["--files", files])]) == 0
+    words = ["curate", stored.folder, "--radius", 3, "-o", target]
+    succeed(*words, *([] if files is None else ["--files", files]))
     assert [own.name for own in tmp_path.iterdir()] == ["choice"]
     with (target / "clips.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))

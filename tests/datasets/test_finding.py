@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 import mograft as mg
 from mograft import datasets
-from mograft.cli import main
 from mograft.datasets.finding import _Query, _sample
 from mograft.motion.resample import resample_segments
 from tests.strategies import assert_same_rotations, few_examples, transform_motion
@@ -130,11 +129,10 @@ def test_words_find_names_tags_and_descriptions(takes):
     assert {hit.clip for hit in hits} <= {"p1_100", "p1_700"}
 
 
-def test_command_prints_the_hits_and_writes_a_page(stored, clip_folder, tmp_path, capsys):
+def test_command_prints_the_hits_and_writes_a_page(stored, clip_folder, tmp_path, succeed):
     page = tmp_path / "hits.html"
     words = f"find p0_100 {stored.folder} --frames 1s-3s --top 5 -o {page}".split()
-    assert main(words) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = succeed(*words)[0].splitlines()
     hits = datasets.find(stored, "p0_100", frames=(30, 90), top=5)
     assert [line.split(" (")[0] for line in lines[:-1]] == [
         f"{h.clip} {h.start}-{h.stop}" for h in hits
@@ -142,10 +140,9 @@ def test_command_prints_the_hits_and_writes_a_page(stored, clip_folder, tmp_path
     assert lines[-1] == str(page)
     assert "p0_100 30-90" in page.read_text()
     file = str(next(clip_folder.glob("p0/p0_100.bvh")))
-    assert main(f"find {file} {stored.folder} --frames 30-90 --top 5 --json".split()) == 0
-    found = json.loads(capsys.readouterr().out)["hits"]
+    words_of_file = f"find {file} {stored.folder} --frames 30-90 --top 5 --json".split()
+    found = json.loads(succeed(*words_of_file)[0])["hits"]
     assert [hit["clip"] for hit in found] == [hit.clip for hit in hits]
-    assert main([*words[:-2], "-j", "2"]) == 0
-    assert capsys.readouterr().out.splitlines() == lines[:-1]
-    assert main(["find", str(stored.folder), "--text", "p2"]) == 0
-    assert capsys.readouterr().out.splitlines() == ["p2_100: 240 frames", "p2_700: 240 frames"]
+    assert succeed(*words[:-2], "-j", 2)[0].splitlines() == lines[:-1]
+    printed, _ = succeed("find", stored.folder, "--text", "p2")
+    assert printed.splitlines() == ["p2_100: 240 frames", "p2_700: 240 frames"]

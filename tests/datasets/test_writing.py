@@ -17,7 +17,6 @@ import pytest
 import mograft as mg
 from mograft import datasets
 from mograft._util.workers import worker_processes
-from mograft.cli import main
 from mograft.dancer import dance
 from mograft.datasets import reading, shards, writing
 from mograft.datasets.augmentation import PROVENANCE
@@ -228,21 +227,20 @@ def test_library_that_changes_meanwhile_is_an_error(clip_folder, tmp_path):
         datasets.write(windows, tmp_path / "set", 5, executor=executor)
 
 
-def test_library_in_memory_needs_no_executor(takes, clip_folder, tmp_path):
+def test_library_in_memory_needs_no_executor(takes, clip_folder, tmp_path, succeed):
     windows = datasets.augment(mg.Library.build(takes[:2]), seconds=2.0)
     with ThreadPoolExecutor(1) as executor, pytest.raises(ValueError, match="`executor`"):
         datasets.write(windows, tmp_path / "set", 5, executor=executor)
     assert not (tmp_path / "set").exists()
     assert datasets.write(windows, tmp_path / "set", 5)["report"]["windows"] == 5
-    assert main(["augment", str(clip_folder / "p0"), "-o", str(tmp_path / "a"), "-n", "3"]) == 0
+    succeed("augment", clip_folder / "p0", "-o", tmp_path / "a", "-n", 3)
 
 
-def test_command_and_python_give_the_same_bytes(stored, tmp_path, capsys):
+def test_command_and_python_give_the_same_bytes(stored, tmp_path, succeed):
     words = f"augment {stored.folder} -o {tmp_path}/cli -n 9 --seconds 1.5 --split auto:tag:p* "
     words += "--part train --features root,contacts --min-new 0.4 --seed 7 --json "
     words += "--bases p* --variety 0.8 --stride 0.5"
-    assert main(words.split()) == 0
-    out, err = capsys.readouterr()
+    out, err = succeed(*words.split())
     library = stored.relabelled(mg.Config.with_variety(0.8))
     windows = datasets.augment(
         library,
@@ -260,7 +258,7 @@ def test_command_and_python_give_the_same_bytes(stored, tmp_path, capsys):
     assert "clips; " in err
 
 
-def test_measure_compares_grafts_of_the_set(windows, stored, tmp_path, monkeypatch, capsys):
+def test_measure_compares_grafts_of_the_set(windows, stored, tmp_path, monkeypatch, succeed):
     pytest.importorskip("sklearn", reason="scikit-learn is not installed")
     datasets.write(windows, tmp_path / "set", 12)
     built, compare = [], reading.detectability
@@ -283,20 +281,18 @@ def test_measure_compares_grafts_of_the_set(windows, stored, tmp_path, monkeypat
                     assert np.array_equal(own.astype(np.float32), found[index]["rotations"])
     monkeypatch.setattr(reading, "detectability", compare)
     words = f"augment {stored.folder} -o {tmp_path}/cli -n 3 --seconds 2 --measure --json"
-    assert main(words.split()) == 0
-    out, err = capsys.readouterr()
+    out, err = succeed(*words.split())
     assert json.loads(out)["detectability"] is None
     assert "warning: detectability needs 60 windows at seams" in err
 
 
 @pytest.mark.thorough
-def test_measure_states_intervals(tmp_path, capsys):
+def test_measure_states_intervals(tmp_path, succeed):
     for seed in range(4):
         mg.write_bvh(dance(seed=seed, strides=2).motion, tmp_path / f"clips{seed}.bvh")
     mg.Library.index(tmp_path, tmp_path / "lib")
     words = f"augment {tmp_path}/lib -o {tmp_path}/set -n 60 --seconds 2 --measure --json"
-    assert main(words.split()) == 0
-    out, err = capsys.readouterr()
+    out, err = succeed(*words.split())
     found = json.loads(out)["detectability"]["seams"]["gross"]
     low, high = found["interval"]
     assert 0 <= low <= found["value"] <= high <= 1

@@ -10,7 +10,6 @@ import mograft as mg
 from lab.donors.methods import ByCost
 from mograft import Library, read_bvh, write_bvh
 from mograft._util import extras
-from mograft.cli import main
 from mograft.dancer import dance
 from mograft.evaluation import (
     RandomLength,
@@ -134,55 +133,50 @@ def files(tmp_path, small_library):
     return [str(path) for path in paths]
 
 
-def test_command_with_output_writes_document_and_page(files, tmp_path, capsys):
+def test_command_with_output_writes_document_and_page(files, tmp_path, succeed, fail):
     out = tmp_path / "report"
-    command = ["evaluate", *files, "quality", "balance", "--runs", "1", "--bases", "1"]
-    assert main([*command, "-o", str(out)]) == 0
-    printed = capsys.readouterr()
-    assert printed.out.split() == [str(out / "evaluation.json"), str(out / "index.html")]
-    assert "are exchanged" in printed.err
+    command = ["evaluate", *files, "quality", "balance", "--runs", 1, "--bases", 1]
+    written, told = succeed(*command, "-o", out)
+    assert written.split() == [str(out / "evaluation.json"), str(out / "index.html")]
+    assert "are exchanged" in told
     document = json.loads((out / "evaluation.json").read_text())
     assert {"quality", "balance"} <= document.keys()
     assert "world" not in document
-    counts = ["evaluate", *files, "balance", "--runs", "1"]
-    assert main([*counts, "-o", str(out)]) == 1
-    assert "use --force to overwrite" in capsys.readouterr().err
+    counts = ["evaluate", *files, "balance", "--runs", 1]
+    assert "use --force to overwrite" in fail(1, *counts, "-o", out)
     assert json.loads((out / "evaluation.json").read_text()) == document
     written = []
     for _ in range(2):
-        assert main([*counts, "-o", str(out), "--force"]) == 0
+        succeed(*counts, "-o", out, "--force")
         written.append([path.read_bytes() for path in sorted(out.iterdir())])
     assert written[0] == written[1]
-    capsys.readouterr()
     Library.index(files, tmp_path / "lib")
-    assert main(["evaluate", str(tmp_path / "lib"), "balance", "--runs", "1", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == json.loads(written[0][0])
+    printed, _ = succeed("evaluate", tmp_path / "lib", "balance", "--runs", 1, "--json")
+    assert json.loads(printed) == json.loads(written[0][0])
 
 
-def test_command_rate_resamples_the_motions_as_the_api_does(files, capsys):
+def test_command_rate_resamples_the_motions_as_the_api_does(files, succeed):
     library = Library.build(read_bvh(files[0]).resample(20.0))
     expected = evaluate(library, ["balance"], runs=1)
-    assert main(["evaluate", files[0], "balance", "--runs", "1", "--rate", "20", "--json"]) == 0
-    printed = capsys.readouterr()
-    assert "resampled" not in printed.err
-    found, wanted = json.loads(printed.out), json.loads(json.dumps(expected.as_dict()))
+    out, told = succeed("evaluate", files[0], "balance", "--runs", 1, "--rate", 20, "--json")
+    assert "resampled" not in told
+    found, wanted = json.loads(out), json.loads(json.dumps(expected.as_dict()))
     assert found["balance"] == wanted["balance"]
     assert found["library"]["rate"] == wanted["library"]["rate"]
 
 
-def test_command_file_named_like_topic_is_read_as_file(files, tmp_path, monkeypatch, capsys):
+def test_command_file_named_like_topic_is_read_as_file(files, tmp_path, monkeypatch, succeed):
     monkeypatch.chdir(tmp_path)
     write_bvh(read_bvh(files[0]), tmp_path / "quality")
-    assert main(["evaluate", "quality", "balance", "--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
+    document = json.loads(succeed("evaluate", "quality", "balance", "--json")[0])
     assert "quality" not in document
     assert document["library"]["segments"] > 0
 
 
-def test_command_missing_package_names_extra(files, monkeypatch, capsys):
+def test_command_missing_package_names_extra(files, monkeypatch, fail):
     def raise_import_error(name):
         raise ImportError(name, name=name)
 
     monkeypatch.setattr(extras, "import_module", raise_import_error)
-    assert main(["evaluate", "world", *files, "--runs", "1", "--json"]) == 1
-    assert "SciPy: pip install 'mograft[evaluate]'" in capsys.readouterr().err
+    told = fail(1, "evaluate", "world", *files, "--runs", 1, "--json")
+    assert "SciPy: pip install 'mograft[evaluate]'" in told

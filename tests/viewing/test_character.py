@@ -151,19 +151,19 @@ def test_view_damaged_meshes_never_fail(motion, tmp_path_factory, data):
     assert (found["clips"][0]["character"] is None) == ("capsules" in found["note"])
 
 
-def test_view_command_shows_bvh_with_character(motion, tmp_path, capsys):
+def test_view_command_shows_bvh_with_character(motion, tmp_path, succeed, fail):
     body, page = tmp_path / "body.glb", tmp_path / "page.html"
     as_character(motion[:5], body)
     mg.write_bvh(motion[:30], tmp_path / "a.bvh")
-    words = ["view", str(tmp_path / "a.bvh"), "-o", str(page)]
-    assert main([*words, "--character", str(body)]) == 0
+    words = ["view", tmp_path / "a.bvh", "-o", page]
+    succeed(*words, "--character", body)
     assert '"character":0' in page.read_text(encoding="utf-8")
-    assert main([*words, "--force", "--character", str(tmp_path / "a.bvh")]) == 3
-    assert "a.bvh: expected a glTF file" in capsys.readouterr().err
+    told = fail(3, *words, "--force", "--character", tmp_path / "a.bvh")
+    assert "a.bvh: expected a glTF file" in told
     other = (tmp_path / "a.bvh").read_text(encoding="utf-8").replace("JOINT ", "JOINT other_")
     (tmp_path / "a.bvh").write_text(other, encoding="utf-8")
-    assert main([*words, "--force", "--character", str(body)]) == 0
-    assert "warning: Figures are capsules, not the mesh of body.glb" in capsys.readouterr().err
+    _, told = succeed(*words, "--force", "--character", body)
+    assert "warning: Figures are capsules, not the mesh of body.glb" in told
 
 
 @pytest.fixture(scope="module")

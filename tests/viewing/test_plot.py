@@ -8,7 +8,6 @@ import pytest
 
 from mograft import Config, Library, graft, kinetic_energy, segment, write_bvh
 from mograft.body.mass import mass_model
-from mograft.cli import main
 from mograft.cli.syntax.commands import PLOT_KINDS
 
 matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed")
@@ -131,28 +130,27 @@ def test_plots_of_too_short_motions_raise_value_error(motion):
 
 @pytest.mark.parametrize("kind", PLOT_KINDS)
 @pytest.mark.parametrize("dark", [False, True])
-def test_plot_command_draws_each_kind(motion, tmp_path, capsys, kind, dark):
+def test_plot_command_draws_each_kind(motion, tmp_path, succeed, fail, kind, dark):
     write_bvh(motion[:400], tmp_path / "a.bvh")
     target = tmp_path / "x.png"
-    words = ["plot", kind, str(tmp_path / "a.bvh"), "-o", str(target), *["--dark"][: int(dark)]]
-    assert main(words) == 0
-    assert capsys.readouterr().out.strip() == str(target)
+    words = ["plot", kind, tmp_path / "a.bvh", "-o", target, *["--dark"][: int(dark)]]
+    assert succeed(*words)[0].strip() == str(target)
     picture = image.imread(target)[..., :3]
     assert picture[0, 0].mean() == (0.0 if dark else 1.0)
     assert 0.001 < (np.abs(picture - picture[0, 0]).max(axis=-1) > 0.2).mean() < 0.9
     before = target.read_bytes()
-    assert main(words) == 1
+    fail(1, *words)
     assert target.read_bytes() == before
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bvh", "x.png"]
 
 
 @pytest.mark.parametrize("ending", ["svg", "pdf", "png"])
-def test_plot_command_same_input_gives_same_bytes(motion, tmp_path, ending):
+def test_plot_command_same_input_gives_same_bytes(motion, tmp_path, succeed, ending):
     write_bvh(motion[:200], tmp_path / "a.bvh")
     targets = [tmp_path / f"{name}.{ending}" for name in "xy"]
     for target in targets:
-        options = ["--frames", "10-90", "--json", "-o", str(target)]
-        assert main(["plot", "energy", str(tmp_path / "a.bvh"), *options]) == 0
+        options = ["--frames", "10-90", "--json", "-o", target]
+        succeed("plot", "energy", tmp_path / "a.bvh", *options)
     assert targets[0].read_bytes() == targets[1].read_bytes()
 
 
@@ -164,13 +162,13 @@ def test_import_without_matplotlib_succeeds():
     assert completed.stdout.strip() == "False"
 
 
-def test_plots_missing_matplotlib_names_extra(motion, tmp_path, monkeypatch, capsys):
+def test_plots_missing_matplotlib_names_extra(motion, tmp_path, monkeypatch, fail):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(ImportError, match=r"pip install 'mograft\[plot\]'"):
         plot.energy(motion)
     write_bvh(motion[:20], tmp_path / "a.bvh")
-    assert main(["plot", "energy", str(tmp_path / "a.bvh"), "-o", str(tmp_path / "x.png")]) == 1
-    assert "pip install 'mograft[plot]'" in capsys.readouterr().err
+    words = ["plot", "energy", tmp_path / "a.bvh", "-o", tmp_path / "x.png"]
+    assert "pip install 'mograft[plot]'" in fail(1, *words)
 
 
 def test_strip_and_energy_of_frames_show_true_frames_and_times(motion):

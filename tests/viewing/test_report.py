@@ -11,7 +11,6 @@ import pytest
 import mograft as mg
 from mograft import Library, graft, graft_many, write_bvh
 from mograft.body.mass import center_of_mass, mass_model
-from mograft.cli import main
 from mograft.constraints import OnlyFrom
 from mograft.dancer import dance
 from mograft.synthesis.newness import newness
@@ -127,25 +126,23 @@ def test_report_wrong_number_of_grafts_or_files_raises_value_error(grafts):
             report_page(grafts, **{name: given})
 
 
-def test_graft_and_demo_commands_write_reports(tmp_path, capsys, monkeypatch):
+def test_graft_and_demo_commands_write_reports(tmp_path, succeed, fail, monkeypatch):
     opened_pages = []
     monkeypatch.setattr("webbrowser.open", lambda url: opened_pages.append(url) or True)
     write_bvh(dance(seed=1, strides=1).motion[:500], tmp_path / "a b.bvh")
     out = tmp_path / "out"
-    options = [str(tmp_path / "a b.bvh"), "-o", str(out), "-n", "2", "--report"]
-    assert main(["graft", *options]) == 0
-    assert capsys.readouterr().out.split("\n")[2] == str(out / "index.html")
+    base = tmp_path / "a b.bvh"
+    printed, _ = succeed("graft", base, "-o", out, "-n", 2, "--report")
+    assert printed.split("\n")[2] == str(out / "index.html")
     links = re.findall(r'<a href="(.*?)">', (out / "index.html").read_text(encoding="utf-8"))
     assert links == ["./a%20b_graft0.bvh", "./a%20b_graft1.bvh"]
-    arguments = ["graft", options[0], "-o", str(tmp_path / "new.bvh"), "--report", "--json"]
-    assert main(arguments) == 0
-    assert f'"report": "{tmp_path / "new.html"}"' in capsys.readouterr().out
+    words = ["graft", base, "-o", tmp_path / "new.bvh", "--report", "--json"]
+    assert f'"report": "{tmp_path / "new.html"}"' in succeed(*words)[0]
     for name in ("new.bvh", "new.json"):
         (tmp_path / name).unlink()
-    assert main(arguments) == 1
-    assert "new.html exists; use --force to overwrite" in capsys.readouterr().err
+    assert "new.html exists; use --force to overwrite" in fail(1, *words)
     assert not opened_pages
-    assert main(["demo", "-o", str(tmp_path / "demo"), "--open"]) == 0
+    succeed("demo", "-o", tmp_path / "demo", "--open")
     assert opened_pages == [(tmp_path / "demo" / "index.html").as_uri()]
 
 

@@ -15,7 +15,6 @@ from hypothesis.extra.numpy import arrays
 import mograft as mg
 import mograft.constraints as mc
 from mograft import graft, segment, view
-from mograft.cli import main
 from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.viewing.encoding import encode_scene, quantize
@@ -417,18 +416,15 @@ def test_view_show_opens_browser(motion, monkeypatch, capsys):
     assert "no browser" in capsys.readouterr().err
 
 
-def test_view_command_writes_and_opens_page(motion, tmp_path, monkeypatch, capsys):
+def test_view_command_writes_and_opens_page(motion, tmp_path, monkeypatch, succeed):
     opened = []
     monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url) or True)
     mg.write_bvh(motion[:60], tmp_path / "a.bvh")
     page = tmp_path / "page.html"
-    assert main(["view", str(tmp_path), "-o", str(page)]) == 0
-    assert capsys.readouterr().out.strip() == str(page)
+    assert succeed("view", tmp_path, "-o", page)[0].strip() == str(page)
     assert not opened
-    words = ["view", str(tmp_path / "a.bvh"), "-o", str(page), "--force", "--open", "--json"]
-    assert main(words) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told == {"schema": "mograft.view/1", "file": str(page), "title": "a"}
+    out, _ = succeed("view", tmp_path / "a.bvh", "-o", page, "--force", "--open", "--json")
+    assert json.loads(out) == {"schema": "mograft.view/1", "file": str(page), "title": "a"}
     assert opened == [page.as_uri()]
-    assert main(["view", str(tmp_path / "a.bvh")]) == 0
+    succeed("view", tmp_path / "a.bvh")
     assert len(opened) == 2

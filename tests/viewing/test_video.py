@@ -176,24 +176,26 @@ def test_write_video_failing_ffmpeg_raises_os_error_with_message(motion, tmp_pat
     assert [path.name for path in tmp_path.iterdir()] == ["ffmpeg"]
 
 
-def test_export_command_writes_films_and_names_missing_extra(motion, tmp_path, capsys, monkeypatch):
+def test_export_command_writes_films_and_names_missing_extra(
+    motion, tmp_path, succeed, fail, monkeypatch
+):
     write_bvh(motion, tmp_path / "a.bvh")
-    words = ["export", str(tmp_path / "a.bvh"), str(tmp_path / "a.bvh"), "--size", "160x120", "-o"]
+    words = ["export", tmp_path / "a.bvh", tmp_path / "a.bvh", "--size", "160x120", "-o"]
     options = ["--rate", "10", "--frames", "10-29", "--dark"]
-    assert main([*words, str(tmp_path / "x.gif"), *options]) == 0
-    assert "160 by 120 pixels, 10 pictures per second" in capsys.readouterr().err
+    _, told = succeed(*words, tmp_path / "x.gif", *options)
+    assert "160 by 120 pixels, 10 pictures per second" in told
     assert len(frames_of(tmp_path / "x.gif")) == motion[10:30].resample(10).n_frames
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     monkeypatch.setenv("PATH", "")
-    assert main([*words, str(tmp_path / "x.mp4")]) == 1
-    assert "films need imageio-ffmpeg: pip install 'mograft[video]'" in capsys.readouterr().err
+    told = fail(1, *words, tmp_path / "x.mp4")
+    assert "films need imageio-ffmpeg: pip install 'mograft[video]'" in told
     monkeypatch.setitem(sys.modules, "PIL", None)
-    assert main([*words, str(tmp_path / "y.gif")]) == 1
-    assert "films need Pillow: pip install 'mograft[video]'" in capsys.readouterr().err
+    told = fail(1, *words, tmp_path / "y.gif")
+    assert "films need Pillow: pip install 'mograft[video]'" in told
     monkeypatch.undo()
     monkeypatch.setitem(sys.modules, "playwright.sync_api", None)
-    assert main([*words, str(tmp_path / "z.gif"), "--renderer", "browser"]) == 1
-    assert "playwright: pip install 'mograft[browser]'" in capsys.readouterr().err
+    told = fail(1, *words, tmp_path / "z.gif", "--renderer", "browser")
+    assert "playwright: pip install 'mograft[browser]'" in told
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.bvh", "x.gif"]
 
 
