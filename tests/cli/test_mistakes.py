@@ -82,12 +82,15 @@ MISTAKES = [
      "a.bvh -o a.mograft makes a library"),
     ("lib info clips", RUNTIME, "mograft index clips -o clips.mograft makes one of motion files"),
     ("find lib walk", USAGE, "LIB comes last: mograft find walk lib"),
-    ("find lib", USAGE, "before it give the clip or file to find, or --text WORDS"),
+    ("find lib", USAGE, " is read as LIB, the last word; before it give the clip or file to find, "
+     "or --text WORDS"),
     ("find wlk lib", RUNTIME, "CLIP|FILE must be a clip, one of dance, walk; got 'wlk'; did you"),
     ("find walk lib --part arms", RUNTIME, "--part must be one of lower, upper, got 'arms'; "
      "a library made by mograft index FILE -o LIB --groups lower_torso_arms has the groups"),
-    *((words, RUNTIME, "; a library made by mograft index FILE -o LIB --groups lower_torso_arms")
-      for words in ("curate lib --part arms", "candidates lib --segment 1 --group arms")),
+    ("curate lib --part arms", RUNTIME, "must be one of lower, upper, got 'arms'; a library made "
+     "by mograft index FILE -o LIB --groups lower_torso_arms"),
+    ("candidates lib --segment 1 --group arms", RUNTIME, "; a library made by mograft index FILE "
+     "-o LIB --groups lower_torso_arms"),
     *((f"{words} tags.csv{rest}", INVALID, "other tables are no motions, which are .bvh, .glb, "
        ".fbx or .npz: one of clips and their tags is for mograft index --tags ") for words, rest
       in (("check", ""), ("info", ""), ("graft", " -o x"), ("view", " -o x.html"))),
@@ -214,6 +217,26 @@ MISTAKES = [
     ("graft --project text -o x.bvh", USAGE, "-o must be a folder"),
     ("graft --project text -o x --seed 3", USAGE, "--seed cannot be combined"),
     ("graft --project text a.bvh -o x", USAGE, "LIB|FILE cannot be combined"),
+    # Data sets
+    ("augment lib -o x -n 5 --resume", RUNTIME, "No such folder"),
+    ("augment lib -o clips -n 5", RUNTIME, "exists; use --resume to continue it"),
+    ("augment lib -o x -n 5 --split none.csv", RUNTIME, "none.csv"),
+    ("augment lib -o x -n 5 --split auto:clips", RUNTIME, "--split must be a file, auto:clip"),
+    ("augment lib -o x -n 5 --bases none", RUNTIME, "--bases must match"),
+    ("augment lib -o x -n 5 --features roots", RUNTIME, "did you mean 'root'?"),
+    ("augment lib -o x.bvh -n 5", USAGE, "-o must be a folder"),
+    ("augment a.bvh -o x -n 3 -j 2", USAGE, "--jobs requires a library in a folder"),
+    ("augment lib -o x -n 0", USAGE, "--count: must be from 1 to 10000000"),
+    ("find lib --text x --part upper", USAGE, "--part requires a clip or file before LIB"),
+    ("find none lib", RUNTIME, "must be a clip"),
+    ("find walk lib -o x.png", USAGE, "-o must be a file that ends in .html"),
+    ("find walk lib --frames 1s-99s", RUNTIME, "--frames must be two or more frames within"),
+    ("curate lib --keep 10% --radius 1", USAGE, "--keep cannot be combined with --radius"),
+    ("curate lib --keep 200%", USAGE, "must be a share from 0 to 1, or a percentage"),
+    ("curate lib --keep 0.1%", RUNTIME, "--keep must be at least"),
+    ("curate lib -o x.bvh", USAGE, "-o must be a folder or a file that ends in .csv"),
+    ("curate lib -o x.csv --files copy", USAGE, "--files requires -o with a folder"),
+    ("curate lib -o clips", RUNTIME, "exists; choose another folder"),
     # Constraints that nothing satisfies
     ("graft a.bvh -o x --reach 9:LeftHand:0,9999,0", INFEASIBLE, "1 of 1 motions violate the "
      "constraints, because no donor sequence satisfies them; no motion was written; --set "
