@@ -11,17 +11,7 @@ from hypothesis import strategies as st
 from mograft import Skeleton
 from mograft.body.anatomy import anatomy, feature_joints
 from mograft.body.joint_names import ARM, LEG, OPPOSITE_SIDE, PARTS
-from tests.hierarchies import (
-    each_recording,
-    human,
-    orders,
-    read_hierarchy,
-    skeleton_from_text,
-    skeletons,
-    with_names,
-    with_order,
-    without_names,
-)
+from tests import hierarchies
 
 MARKS = ("%Side", "%side", "%S", "%s", "%_S", "%.S")
 LIMBS = {
@@ -152,7 +142,7 @@ SCHEMES = {
 @cache
 def scheme(name):
     """Return the skeleton of a scheme with the part and the side of each joint."""
-    single, notes = skeleton_from_text(SCHEMES[name])
+    single, notes = hierarchies.skeleton_from_text(SCHEMES[name])
     names, parents, parts, sides, places = [], [], [], [], []
     for text, parent, (part,) in zip(single.names, single.parents, notes, strict=True):
         above = places[parent] if parent >= 0 else {"": -1}
@@ -195,29 +185,29 @@ VARIANTS += [(own, name) for own in CASES for name in CASE_SCHEMES]
 def test_anatomy_ignores_namespace_prefix_suffix_and_case(variant, name):
     skeleton, parts, sides = scheme(name)
     change = (DECORATIONS | CASES)[variant]
-    other = anatomy(with_names(skeleton, lambda _, joint_name: change(joint_name)))
+    other = anatomy(hierarchies.with_names(skeleton, lambda _, joint_name: change(joint_name)))
     assert list(other.parts) == parts
     limbs = [joint for joint, part in enumerate(parts) if part in ARM + LEG]
     assert [other.sides[joint] for joint in limbs] == [sides[joint] for joint in limbs]
 
 
 def test_anatomy_unknown_names_use_symmetry():
-    skeleton = human()
+    skeleton = hierarchies.human()
     by_names = anatomy(skeleton)
-    by_structure = anatomy(without_names(skeleton))
+    by_structure = anatomy(hierarchies.without_names(skeleton))
     assert by_structure.parts == by_names.parts
     assert by_structure.sides == by_names.sides
     assert not by_structure.human
     assert by_structure.unmatched == tuple(range(skeleton.n_joints))
     # Sides follow from the direction of the feet.
-    unnamed = without_names(skeleton)
+    unnamed = hierarchies.without_names(skeleton)
     mirrored = anatomy(unnamed.with_offsets(unnamed.offsets * [-1, 1, 1]))
     assert mirrored.sides == tuple(OPPOSITE_SIDE[side] for side in by_structure.sides)
 
 
 @given(st.integers(0, 2), st.integers(0, 2))
 def test_anatomy_unknown_names_ignore_orientation(turns, more):
-    unnamed = without_names(human())
+    unnamed = hierarchies.without_names(hierarchies.human())
     cycled = np.roll(unnamed.offsets, turns, axis=1)  # an even permutation is a rotation
     sites = [type(s)(s.parent, np.roll(s.offset, turns)) for s in unnamed.end_sites]
     turned = Skeleton(unnamed.names, unnamed.parents, cycled * (1 + more), end_sites=sites)
@@ -229,27 +219,28 @@ def test_anatomy_unknown_names_ignore_orientation(turns, more):
 def test_anatomy_named_legs_or_arms_complete_the_other_pair(mirror):
     """Legs with unknown names are found by symmetry; their sides follow from the named arms."""
     words = {"Hip": "Pata", "Knee": "Jarrete", "Ankle": "Casco"}
-    skeleton = with_names(
-        human(), lambda j, own: next((f"{w}{j}" for k, w in words.items() if k in own[4:]), own)
+    skeleton = hierarchies.with_names(
+        hierarchies.human(),
+        lambda j, own: next((f"{w}{j}" for k, w in words.items() if k in own[4:]), own),
     )
     found = anatomy(skeleton.with_offsets(skeleton.offsets * [mirror, 1, 1]))
-    assert found.parts == anatomy(human()).parts
-    assert found.sides == anatomy(human()).sides
+    assert found.parts == anatomy(hierarchies.human()).parts
+    assert found.sides == anatomy(hierarchies.human()).sides
 
 
 @given(st.data())
 def test_anatomy_ignores_joint_order(data):
-    unnamed = without_names(human())
+    unnamed = hierarchies.without_names(hierarchies.human())
     named = [scheme(name)[0] for name in ("daz", "mass")]
-    skeleton = data.draw(st.sampled_from([human(), unnamed, *named]))
-    order = data.draw(orders(skeleton))
-    before, after = anatomy(skeleton), anatomy(with_order(skeleton, order))
+    skeleton = data.draw(st.sampled_from([hierarchies.human(), unnamed, *named]))
+    order = data.draw(hierarchies.orders(skeleton))
+    before, after = anatomy(skeleton), anatomy(hierarchies.with_order(skeleton, order))
     assert after.parts == tuple(before.parts[joint] for joint in order)
     assert after.sides == tuple(before.sides[joint] for joint in order)
     assert order[after.hips] == before.hips
 
 
-@given(skeletons() | skeletons(names=st.text(max_size=12)))
+@given(hierarchies.skeletons() | hierarchies.skeletons(names=st.text(max_size=12)))
 def test_anatomy_every_joint_has_a_part(skeleton):
     found = anatomy(skeleton)
     assert len(found.parts) == len(found.sides) == skeleton.n_joints
@@ -264,7 +255,7 @@ def test_anatomy_every_joint_has_a_part(skeleton):
 
 
 def test_anatomy_numbered_names_are_not_vertebrae():
-    skeleton = with_names(human(), lambda joint, _: f"c{joint}")
+    skeleton = hierarchies.with_names(hierarchies.human(), lambda joint, _: f"c{joint}")
     assert anatomy(skeleton).unmatched == tuple(range(skeleton.n_joints))
 
 
@@ -285,11 +276,11 @@ def test_feature_joints_exclude_fingers_toes_faces_and_markers(name, excluded):
     assert feature_joints(skeleton, others).tolist() == others.tolist()
 
 
-@each_recording()
+@hierarchies.each_recording()
 def test_anatomy_recordings_agree_with_and_without_names(path):
-    skeleton = read_hierarchy(path)
+    skeleton = hierarchies.read_hierarchy(path)
     lower = [
         [part in (*LEG, "pelvis", "other", "tail") for part in anatomy(named).parts]
-        for named in (skeleton, without_names(skeleton))
+        for named in (skeleton, hierarchies.without_names(skeleton))
     ]
     assert lower[0] == lower[1] or skeleton.n_joints < 5

@@ -10,15 +10,7 @@ from hypothesis import strategies as st
 from mograft import JointGroups, subtree
 from mograft.body.anatomy import anatomy
 from mograft.body.groups import PRESETS
-from tests.hierarchies import (
-    clip_name,
-    each_recording,
-    human,
-    read_hierarchy,
-    skeleton_from_text,
-    skeletons,
-    with_names,
-)
+from tests import hierarchies
 
 
 def names_of(skeleton, joints):
@@ -26,7 +18,7 @@ def names_of(skeleton, joints):
 
 
 def small_skeleton():
-    return skeleton_from_text("Hips {Spine > Head | LeftLeg > LeftFoot | RightLeg}")[0]
+    return hierarchies.skeleton_from_text("Hips {Spine > Head | LeftLeg > LeftFoot | RightLeg}")[0]
 
 
 # Presets that need parts which a skeleton does not have.
@@ -47,7 +39,7 @@ MISSING_PARTS = {
 
 
 def test_preset_of_human_has_expected_joints():
-    skeleton = human()
+    skeleton = hierarchies.human()
     arm = ["Collar", "Shoulder", "Elbow", "Wrist"]
     left, right = [f"Left{part}" for part in arm], [f"Right{part}" for part in arm]
     expected = {
@@ -90,19 +82,19 @@ def check_preset(skeleton, preset):
     return None
 
 
-@given(skeletons(), st.sampled_from(sorted(PRESETS)))
+@given(hierarchies.skeletons(), st.sampled_from(sorted(PRESETS)))
 def test_presets_of_any_skeleton_are_disjoint_and_complete(skeleton, preset):
     check_preset(skeleton, preset)
 
 
-@each_recording()
+@hierarchies.each_recording()
 def test_presets_of_recordings_are_disjoint_and_complete(path):
     for preset in PRESETS:
-        missing = check_preset(read_hierarchy(path), preset)
-        assert missing == MISSING_PARTS.get(clip_name(path), {}).get(preset)
+        missing = check_preset(hierarchies.read_hierarchy(path), preset)
+        assert missing == MISSING_PARTS.get(hierarchies.clip_name(path), {}).get(preset)
 
 
-@given(skeletons(names=st.text(st.characters(), max_size=6)), st.data())
+@given(hierarchies.skeletons(names=st.text(st.characters(), max_size=6)), st.data())
 def test_groups_toml_round_trips(skeleton, data):
     indices = data.draw(st.lists(st.sampled_from(range(skeleton.n_joints)), min_size=1))
     text = st.text(st.characters(exclude_categories=["Cs"]), max_size=6)
@@ -124,7 +116,9 @@ def _encodes(name):
 
 
 def test_preset_duplicate_names_use_indices():
-    skeleton = with_names(human(), lambda _, own: "Head" if own in ("Head", "LeftAnkle") else own)
+    skeleton = hierarchies.with_names(
+        hierarchies.human(), lambda _, own: "Head" if own in ("Head", "LeftAnkle") else own
+    )
     groups = JointGroups.preset("lower_torso_head_larm_rarm", skeleton)
     found = JointGroups.from_toml(groups.to_toml()).resolve(skeleton)
     ankle, head = (joint for joint, name in enumerate(skeleton.names) if name == "Head")
@@ -133,7 +127,7 @@ def test_preset_duplicate_names_use_indices():
 
 
 def test_preset_markers_belong_to_group_of_parent():
-    skeleton, _ = skeleton_from_text(
+    skeleton, _ = hierarchies.skeleton_from_text(
         "joint_Root {Prop | Hips {LeftUpLeg {LeftLeg | Sticker} | Spine {Gadget | Tail |"
         " LeftArm > Watch}}}"
     )
@@ -237,4 +231,4 @@ def test_from_toml_errors_name_the_file(tmp_path):
 def test_preset_unknown_name_raises_value_error(name):
     message = f"`preset` must be one of lower_upper, .*got {re.escape(repr(name))}"
     with pytest.raises(ValueError, match=message):
-        JointGroups.preset(name, human())
+        JointGroups.preset(name, hierarchies.human())

@@ -16,17 +16,7 @@ from mograft.body.mass import (
     moments_of_inertia,
     up_axis,
 )
-from tests import strategies
-from tests.hierarchies import (
-    each_recording,
-    human,
-    orders,
-    read_hierarchy,
-    skeleton_from_text,
-    skeletons,
-    with_order,
-    without_names,
-)
+from tests import hierarchies, strategies
 from tests.strategies import few_examples, scale_skeleton
 
 TOTAL = 0.99995  # of the means of the table; the female masses sum to 99.99 %
@@ -42,7 +32,7 @@ def rest_motion(skeleton, axes=(0, 1, 2)):
 
 
 @few_examples(40)
-@given(skeletons())
+@given(hierarchies.skeletons())
 def test_mass_model_masses_and_moments_of_random_skeletons_are_valid(skeleton):
     found = mass_model(skeleton)
     assert math.isclose(found.mass.sum(), 1.0, rel_tol=1e-12)
@@ -56,7 +46,7 @@ def test_mass_model_masses_and_moments_of_random_skeletons_are_valid(skeleton):
 
 def test_mass_model_human_has_de_leva_masses():
     """Also where a part has several joints: its mass is divided by the lengths of their bones."""
-    skeleton = human()
+    skeleton = hierarchies.human()
     found, left, right = mass_model(skeleton), skeleton.index("LeftHip"), skeleton.index("RightHip")
     assert found.model == "de Leva"
     assert found.mass[left] == pytest.approx(0.1447 / TOTAL, rel=1e-9)
@@ -81,7 +71,7 @@ def test_mass_model_human_has_de_leva_masses():
 
 
 def test_mass_model_missing_part_adds_to_proximal_part():
-    skeleton, _ = skeleton_from_text(
+    skeleton, _ = hierarchies.skeleton_from_text(
         "Hips {LeftHip > LeftKnee > LeftAnkle | RightHip > RightKnee > RightAnkle"
         " | Chest {LeftShoulder > LeftElbow | RightArm}}"
     )
@@ -93,7 +83,7 @@ def test_mass_model_missing_part_adds_to_proximal_part():
 
 
 @few_examples(40)
-@given(skeletons(), st.floats(1e-3, 1e3))
+@given(hierarchies.skeletons(), st.floats(1e-3, 1e3))
 def test_mass_model_scale_changes_only_height(skeleton, factor):
     assume(skeleton.offsets[1:].any())
     small, large = mass_model(skeleton), mass_model(scale_skeleton(skeleton, factor))
@@ -111,9 +101,9 @@ def test_mass_model_scale_changes_only_height(skeleton, factor):
 
 @given(st.data(), st.booleans())
 def test_mass_model_ignores_joint_order(data, is_named):
-    skeleton = human() if is_named else without_names(human())
-    order = data.draw(orders(skeleton))
-    shuffled = with_order(skeleton, order)
+    skeleton = hierarchies.human() if is_named else hierarchies.without_names(hierarchies.human())
+    order = data.draw(hierarchies.orders(skeleton))
+    shuffled = hierarchies.with_order(skeleton, order)
     before, after = mass_model(skeleton), mass_model(shuffled)
     assert math.isclose(after.height, before.height, rel_tol=1e-12)
     for name in ("mass", "bone", "center", "gyration", "inertia"):
@@ -127,7 +117,7 @@ def test_mass_model_ignores_joint_order(data, is_named):
 
 
 def test_mass_model_markers_face_and_joints_above_hips_have_no_mass():
-    skeleton, _ = skeleton_from_text(
+    skeleton, _ = hierarchies.skeleton_from_text(
         "joint_Root > Hips {LeftHip {LeftKnee > LeftAnkle | L_Femur_RIGMESH}"
         " | RightHip > RightKnee | Chest > Head {Jaw | LeftEye}}"
     )
@@ -144,7 +134,7 @@ def test_mass_model_markers_face_and_joints_above_hips_have_no_mass():
 
 
 def test_moments_of_inertia_subtree_matches_point_masses():
-    skeleton = human()
+    skeleton = hierarchies.human()
     found, places = mass_model(skeleton), skeleton.rest_positions()
 
     def moment(joint, about):
@@ -173,14 +163,14 @@ def test_moments_of_inertia_subtree_matches_point_masses():
     ],
 )
 def test_mass_model_height_of_partial_skeletons(text, offset, height, source):
-    skeleton, _ = skeleton_from_text(text)
+    skeleton, _ = hierarchies.skeleton_from_text(text)
     found = mass_model(skeleton.with_offsets([offset] * skeleton.n_joints))
     assert found.height == pytest.approx(height)
     assert found.height_from == source
 
 
 def test_mass_model_unknown_names_use_rods():
-    skeleton, _ = skeleton_from_text("a {b > c | d}")
+    skeleton, _ = hierarchies.skeleton_from_text("a {b > c | d}")
     found = mass_model(skeleton.with_offsets([[0, 0, 0], [0, 3, 0], [0, 1, 0], [0, 0, 0]]))
     assert (found.model, found.unmatched) == ("rods", ("a", "b", "c", "d"))
     lengths = np.linalg.norm(found.bone, axis=1)
@@ -192,8 +182,8 @@ def test_mass_model_unknown_names_use_rods():
 @pytest.mark.parametrize(
     "skeleton",
     [
-        human(),
-        without_names(human()),
+        hierarchies.human(),
+        hierarchies.without_names(hierarchies.human()),
         Skeleton(["Hips", "Chest", "Head"], [-1, 0, 1], [[0, 0, 0], [1, 30, 0], [5, 20, 3]]),
     ],
     ids=["human", "nameless", "without feet"],
@@ -204,26 +194,26 @@ def test_up_axis_is_direction_from_feet_to_hips(skeleton, axes):
 
 def test_up_axis_of_special_figures_is_y():
     """Without feet or bones; in a split, by the head; of an animal, whose head is in front."""
-    split = human().offsets.copy()
-    for joint, name in enumerate(human().names):
+    split = hierarchies.human().offsets.copy()
+    for joint, name in enumerate(hierarchies.human().names):
         if name.endswith(("Knee", "Ankle")):
             split[joint] = [0, 0, 40 if name.startswith("Left") else -40]
     leg = [(0, -10, 3), (0, -10, -3), (0, -8, 0)]
-    animal, _ = skeleton_from_text(
+    animal, _ = hierarchies.skeleton_from_text(
         "Pelvis {Femur_L > Tibia_L > Tarsus_L | Femur_R > Tibia_R > Tarsus_R | Spine > Head}"
     )
     for skeleton, offsets in (
-        (skeleton_from_text("a > b")[0], np.zeros((2, 3))),
-        (human(), 0.0 * split),
-        (human(), split),
+        (hierarchies.skeleton_from_text("a > b")[0], np.zeros((2, 3))),
+        (hierarchies.human(), 0.0 * split),
+        (hierarchies.human(), split),
         (animal, [(0, 0, 0), *leg, *leg, (0, 2, 50), (0, 10, 30)]),
     ):
         assert up_axis(rest_motion(skeleton.with_offsets(offsets))) == 1
 
 
-@each_recording()
+@hierarchies.each_recording()
 def test_mass_model_recordings_have_plausible_values(path):
-    skeleton = read_hierarchy(path)
+    skeleton = hierarchies.read_hierarchy(path)
     found = mass_model(skeleton)
     assert found.mass.sum() == pytest.approx(1)
     assert (found.model == "de Leva") == anatomy(skeleton).human
@@ -231,7 +221,7 @@ def test_mass_model_recordings_have_plausible_values(path):
         assert found.height_from in ("legs and head", "legs")
         assert [foot.side for foot in found.feet] == ["left", "right"]
         assert 0.002 < found.inertia.sum() < 0.02
-    nameless = mass_model(without_names(skeleton))
+    nameless = mass_model(hierarchies.without_names(skeleton))
     assert nameless.height == pytest.approx(found.height, rel=0.25) or skeleton.n_joints < 14
 
 

@@ -11,15 +11,7 @@ from mograft.io.robots.poses import Pose, to_motion, to_pose
 from mograft.motion import rotations
 from mograft.motion.hinges import TableLayout
 from tests.fuzz import robots as fuzz_robots
-from tests.io.robot_files import (
-    G1,
-    G1_MODEL,
-    needs_g1,
-    random_robot,
-    smooth_angles,
-    standing_pose,
-    to_mjcf,
-)
+from tests.io import robot_files
 from tests.strategies import SEEDS, few_examples
 
 pytestmark = pytest.mark.filterwarnings("ignore:frames per second of robot tables")
@@ -48,7 +40,7 @@ def upright_pose(model, rng, n_frames=12):
     turn = rotations.from_axis_angle([0, 0, 1], heading + 0.05 * time)
     lean = rotations.from_axis_angle([1, 0.3, 0], 0.05 * np.sin(time))
     places = np.stack([0.01 * time, -0.02 * time, 0.69 + 0.004 * np.sin(time)], axis=1)
-    angles = smooth_angles(model.hinges, rng, n_frames, 0.3)
+    angles = robot_files.smooth_angles(model.hinges, rng, n_frames, 0.3)
     return Pose(places, rotations.multiply(turn, lean), angles)
 
 
@@ -60,7 +52,7 @@ def walking_pose(model, heading, n_frames=60):
     left, right = (0.1 + 0.5 * np.maximum(side * np.cos(0.2 * time), 0) for side in (-1, 1))
     angles = np.stack([swing, left, -swing, right], axis=1)
     quats = np.tile(rotations.from_axis_angle([0, 0, 1], heading), (n_frames, 1))
-    return standing_pose(model, quats, angles)
+    return robot_files.standing_pose(model, quats, angles)
 
 
 def table_text(model, pose, order="xyzw", unit=1.0, *, degrees=False, digits=6, first=None):
@@ -225,10 +217,10 @@ def test_write_table_motion_without_hinges_raises_value_error(tmp_path):
 
 def robot_motion(folder, seed, n_frames=40, rate=2.0):
     path = folder / "robot.xml"
-    path.write_text(to_mjcf(random_robot(seed)))
+    path.write_text(robot_files.to_mjcf(robot_files.random_robot(seed)))
     model = mg.formats.read_model(path)
     rng = np.random.default_rng(seed)
-    angles = smooth_angles(model.hinges, rng, n_frames)
+    angles = robot_files.smooth_angles(model.hinges, rng, n_frames)
     time = np.arange(n_frames)[:, None]
     quats = rotations.exp(0.8 * np.sin(0.1 * time + rng.uniform(0, 6, 3)))
     pose = Pose(np.sin(0.1 * time + rng.uniform(0, 6, 3)), quats, angles)
@@ -298,11 +290,11 @@ def test_write_tracker_unknown_tracker_raises_value_error(tmp_path):
         mg.formats.write_tracker(robot_motion(tmp_path, 5)[1], tmp_path / "a.npz", tracker="x")
 
 
-@needs_g1()
+@robot_files.needs_g1()
 @pytest.mark.parametrize("family", ["g1moves", "kimodo"])
 def test_read_table_g1_orders_are_found_and_files_written_back(tmp_path, family):
-    model = mg.formats.read_model(G1_MODEL)
-    files = sorted(G1.glob(f"{family}_*.csv"))
+    model = mg.formats.read_model(robot_files.G1_MODEL)
+    files = sorted(robot_files.G1.glob(f"{family}_*.csv"))
     assert len(files) == 5
     for path in files:
         motion = mg.read(path, skeleton=model)[0]
@@ -312,10 +304,10 @@ def test_read_table_g1_orders_are_found_and_files_written_back(tmp_path, family)
         assert (tmp_path / path.name).read_text().rstrip() == path.read_text().rstrip()
 
 
-@needs_g1()
+@robot_files.needs_g1()
 def test_write_tracker_g1_matches_the_file_that_trainers_read(tmp_path):
-    path = G1 / "g1moves_M_Move10_training.npz"
-    motion = mg.read(path, skeleton=mg.formats.read_model(G1_MODEL, rate=60))[0]
+    path = robot_files.G1 / "g1moves_M_Move10_training.npz"
+    motion = mg.read(path, skeleton=mg.formats.read_model(robot_files.G1_MODEL, rate=60))[0]
     mg.formats.write_tracker(motion, tmp_path / "a.npz")
     own, expected = np.load(tmp_path / "a.npz"), np.load(path)
     for name in expected:

@@ -6,37 +6,31 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mograft.motion import resample, rotations
+from tests import strategies
 from tests.oracles import rotations as oracle
-from tests.strategies import (
-    SEEDS,
-    assert_same_rotations,
-    few_examples,
-    motions,
-    rotation_tracks,
-    smooth_rotations,
-    vectors,
-)
 
 BOTH = pytest.mark.parametrize("curve", [resample.slerp, resample.cubic])
 
 
-@few_examples(40)
+@strategies.few_examples(40)
 @BOTH
-@given(track=rotation_tracks(), time=st.floats(-1, 9))
+@given(track=strategies.rotation_tracks(), time=st.floats(-1, 9))
 def test_curve_has_unit_norm_and_returns_frames_at_their_times(curve, track, time):
     times, quats = track
     norms = np.linalg.norm(curve(*track, [time]), axis=-1)
     np.testing.assert_allclose(norms, 1.0, atol=1e-14)
-    assert_same_rotations(curve(times, quats, times), quats)
+    strategies.assert_same_rotations(curve(times, quats, times), quats)
     np.testing.assert_array_equal(curve(times, quats, times[:1]), quats[:1])
 
 
 @BOTH
-@given(velocity=vectors((2,), size=1.5), time=st.floats(0, 1))
+@given(velocity=strategies.vectors((2,), size=1.5), time=st.floats(0, 1))
 def test_constant_velocity_motion_is_reproduced(curve, velocity, time):
     times = np.array([0.0, 0.1, 0.4, 0.5, 0.9, 1.0])
     quats = rotations.exp(velocity * times[:, None, None])
-    assert_same_rotations(curve(times, quats, [time])[0], rotations.exp(velocity * time), 1e-12)
+    strategies.assert_same_rotations(
+        curve(times, quats, [time])[0], rotations.exp(velocity * time), 1e-12
+    )
 
 
 @given(st.lists(st.floats(-1, 1), min_size=3, max_size=8), st.floats(0, 1))
@@ -51,19 +45,23 @@ def test_cubic_about_one_axis_matches_scalar_hermite(angles, share):
     )
 
 
-@given(SEEDS, st.integers(2, 9), st.integers(2, 40))
+@given(strategies.SEEDS, st.integers(2, 9), st.integers(2, 40))
 def test_resample_segments_matches_cubic_of_segment_frames(seed, n_frames, count):
-    quats = smooth_rotations(np.random.default_rng(seed), n_frames + 4, 2)
+    quats = strategies.smooth_rotations(np.random.default_rng(seed), n_frames + 4, 2)
     segment = quats[2 : 2 + n_frames]
     resampled = resample.resample_segments(quats, [2], [1 + n_frames], [count])
     times = np.linspace(0, n_frames - 1, count)
-    assert_same_rotations(resampled, resample.cubic(np.arange(n_frames), segment, times), 1e-12)
-    assert_same_rotations(resampled, oracle.resample(segment, count), 1e-12)
+    strategies.assert_same_rotations(
+        resampled, resample.cubic(np.arange(n_frames), segment, times), 1e-12
+    )
+    strategies.assert_same_rotations(resampled, oracle.resample(segment, count), 1e-12)
     if n_frames == 2:
-        assert_same_rotations(resampled, resample.slerp(np.arange(2), segment, times), 1e-12)
+        strategies.assert_same_rotations(
+            resampled, resample.slerp(np.arange(2), segment, times), 1e-12
+        )
 
 
-@given(motions(min_frames=6), st.integers(1, 5))
+@given(strategies.motions(min_frames=6), st.integers(1, 5))
 def test_resample_segments_same_or_multiple_count_keeps_frames(motion, times):
     last = motion.n_frames - 1
     same = resample.resample_segments(motion.rotations, [0], [last], [last + 1])
@@ -78,20 +76,20 @@ def test_resample_segments_same_or_multiple_count_keeps_frames(motion, times):
     np.testing.assert_array_equal(positions[::times], motion.positions)
 
 
-@given(SEEDS)
+@given(strategies.SEEDS)
 def test_resample_segments_many_equal_one_by_one(seed):
     rng = np.random.default_rng(seed)
     starts = rng.integers(0, 30, 7)
     bounds = starts, starts + rng.integers(1, 10, 7), rng.integers(0, 15, 7)
     for track, curve in (
-        (smooth_rotations(rng, 40, 3), resample.resample_segments),
+        (strategies.smooth_rotations(rng, 40, 3), resample.resample_segments),
         (rng.normal(size=(40, 3, 3)), resample.resample_segment_positions),
     ):
         one_by_one = [curve(track, [a], [b], [c]) for a, b, c in zip(*bounds, strict=True)]
         np.testing.assert_array_equal(curve(track, *bounds), np.concatenate(one_by_one))
 
 
-@given(motions(min_frames=4), st.floats(5, 200))
+@given(strategies.motions(min_frames=4), st.floats(5, 200))
 def test_motion_resample_keeps_duration_and_end_frames(motion, rate):
     other = motion.resample(rate)
     assert other.duration == pytest.approx(motion.duration, rel=1e-12)

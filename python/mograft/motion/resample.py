@@ -6,14 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft import _core
-from mograft._util.arrays import (
-    FloatArray,
-    IntArray,
-    as_floats,
-    as_indices,
-    as_quaternions,
-    as_vectors,
-)
+from mograft._util import arrays
+from mograft._util.arrays import FloatArray, IntArray
 
 __all__ = ["cubic", "cubic_positions", "resample_segment_positions", "resample_segments", "slerp"]
 
@@ -58,9 +52,9 @@ def slerp(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> 
     >>> slerp([0.0, 1.0], [[[0, 0, 0, 1]], [[0, 0.6, 0, 0.8]]], [0.5]).round(3)
     array([[[0.   , 0.316, 0.   , 0.949]]])
     """
-    frame_times = as_floats("times", times, ("n_frames",))
-    quats = as_quaternions("rotations", rotations, (len(frame_times), "n_joints"))
-    return _core.slerp(frame_times, quats, as_floats("at", at, ("n_times",)))
+    frame_times = arrays.as_floats("times", times, ("n_frames",))
+    quats = arrays.as_quaternions("rotations", rotations, (len(frame_times), "n_joints"))
+    return _core.slerp(frame_times, quats, arrays.as_floats("at", at, ("n_times",)))
 
 
 def cubic(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> FloatArray:
@@ -80,9 +74,9 @@ def cubic(times: npt.ArrayLike, rotations: npt.ArrayLike, at: npt.ArrayLike) -> 
     ndarray, shape (n_times, n_joints, 4)
         Unit quaternions; at the time of a frame exactly that frame.
     """
-    frame_times = as_floats("times", times, ("n_frames",))
-    quats = as_quaternions("rotations", rotations, (len(frame_times), "n_joints"))
-    return _core.cubic(frame_times, quats, as_floats("at", at, ("n_times",)))
+    frame_times = arrays.as_floats("times", times, ("n_frames",))
+    quats = arrays.as_quaternions("rotations", rotations, (len(frame_times), "n_joints"))
+    return _core.cubic(frame_times, quats, arrays.as_floats("at", at, ("n_times",)))
 
 
 def cubic_positions(
@@ -102,9 +96,9 @@ def cubic_positions(
     ndarray, shape (n_times, n_joints, 3)
         Positions, in the same unit.
     """
-    frame_times = as_floats("times", times, ("n_frames",))
-    vectors = as_vectors("positions", positions, (len(frame_times), "n_joints"))
-    return _core.cubic_positions(frame_times, vectors, as_floats("at", at, ("n_times",)))
+    frame_times = arrays.as_floats("times", times, ("n_frames",))
+    vectors = arrays.as_vectors("positions", positions, (len(frame_times), "n_joints"))
+    return _core.cubic_positions(frame_times, vectors, arrays.as_floats("at", at, ("n_times",)))
 
 
 def resample_segments(
@@ -124,7 +118,7 @@ def resample_segments(
     >>> resample_segments(quats, [0], [2], [2])[:, 0, 1]
     array([0.  , 0.96])
     """
-    quats = as_quaternions("rotations", rotations, ("n_frames", "n_joints"))
+    quats = arrays.as_quaternions("rotations", rotations, ("n_frames", "n_joints"))
     return _core.segments(quats, *_bounds(starts, stops, counts))
 
 
@@ -135,7 +129,7 @@ def resample_segment_positions(
 
     `positions` has shape (n_frames, n_joints, 3).
     """
-    vectors = as_vectors("positions", positions, ("n_frames", "n_joints"))
+    vectors = arrays.as_vectors("positions", positions, ("n_frames", "n_joints"))
     return _core.segments_positions(vectors, *_bounds(starts, stops, counts))
 
 
@@ -167,9 +161,9 @@ def clip_states(
 def _bounds(
     starts: npt.ArrayLike, stops: npt.ArrayLike, counts: npt.ArrayLike
 ) -> tuple[IntArray, IntArray, IntArray]:
-    first = as_indices("starts", starts, ("n_segments",))
-    last = as_indices("stops", stops, (len(first),))
-    n_frames = as_indices("counts", counts, (len(first),))
+    first = arrays.as_indices("starts", starts, ("n_segments",))
+    last = arrays.as_indices("stops", stops, (len(first),))
+    n_frames = arrays.as_indices("counts", counts, (len(first),))
     for name, indices in (("starts", first), ("stops", last), ("counts", n_frames)):
         if (indices < 0).any():
             raise ValueError(f"`{name}` must not be negative, got {indices.min()}")

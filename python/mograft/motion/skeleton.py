@@ -8,15 +8,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from mograft._util.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    ReadOnlyArrays,
-    as_floats,
-    as_indices,
-    set_fields,
-)
+from mograft._util import arrays
+from mograft._util.arrays import BoolArray, FloatArray, IntArray, ReadOnlyArrays
 from mograft.errors import SkeletonMismatchError, join_names, suggest_name
 from mograft.motion.hinges import Hinges
 from mograft.motion.limits import MAX_COORDINATE, check_hierarchy, check_names
@@ -52,7 +45,8 @@ class EndSite(ReadOnlyArrays):
     name: str = ""
 
     def __post_init__(self) -> None:
-        set_fields(self, {"offset": as_floats("offset", self.offset, (3,), MAX_COORDINATE).copy()})
+        offset = arrays.as_floats("offset", self.offset, (3,), MAX_COORDINATE).copy()
+        arrays.set_fields(self, {"offset": offset})
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +99,7 @@ class Skeleton(ReadOnlyArrays):
         n_joints = len(names)
         if not n_joints:
             raise ValueError("`names` must hold at least one joint, got none")
-        parents = as_indices("parents", self.parents, (n_joints,)).copy()
+        parents = arrays.as_indices("parents", self.parents, (n_joints,)).copy()
         for joint in np.flatnonzero(parents >= np.arange(n_joints)).tolist():
             label = f"joint {joint} ({names[joint]})"
             raise ValueError(f"the parent of {label} must have a smaller index")
@@ -113,7 +107,7 @@ class Skeleton(ReadOnlyArrays):
             raise ValueError("`parents` must be -1 at joint 0, the root, and nowhere else")
         check_hierarchy(names, parents.tolist())
         check_names(site.name for site in self.end_sites)
-        offsets = as_floats("offsets", self.offsets, (n_joints, 3), MAX_COORDINATE).copy()
+        offsets = arrays.as_floats("offsets", self.offsets, (n_joints, 3), MAX_COORDINATE).copy()
         channels = tuple(tuple(names) for names in self.channels) or usual_channels(parents < 0)
         if len(channels) != n_joints:
             expected = f"{n_joints} entries, one per joint"
@@ -129,7 +123,7 @@ class Skeleton(ReadOnlyArrays):
                 expected = f"the index of a joint, 0 to {n_joints - 1}, got {site.parent}"
                 raise ValueError(f"the parent of an end site must be {expected}")
         checked = {"names": names, "parents": parents, "offsets": offsets, "channels": channels}
-        set_fields(self, checked | {"end_sites": tuple(self.end_sites)})
+        arrays.set_fields(self, checked | {"end_sites": tuple(self.end_sites)})
 
     def __repr__(self) -> str:
         return f"Skeleton({self.n_joints} joints, {self.n_channels} channels, root {self.names[0]})"
@@ -238,7 +232,7 @@ class Skeleton(ReadOnlyArrays):
 
     def with_offsets(self, offsets: npt.ArrayLike) -> "Skeleton":
         """Return the skeleton with the given rest offsets, shape (n_joints, 3)."""
-        return replace(self, offsets=as_floats("offsets", offsets, ("n_joints", 3)))
+        return replace(self, offsets=arrays.as_floats("offsets", offsets, ("n_joints", 3)))
 
     def has_same_hierarchy(self, other: "Skeleton") -> bool:
         """Return whether another skeleton has the same joint names and parents."""
