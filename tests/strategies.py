@@ -9,6 +9,7 @@ from hypothesis.extra import numpy as npst
 
 from mograft import Motion, Segments, Skeleton
 from mograft.motion import rotations
+from mograft.motion.skeleton import usual_channels
 from tests.hierarchies import human
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -45,11 +46,9 @@ def vectors(shape, size=3.0):
 
 def quaternions(shape):
     """Unit quaternions, scalar last, covering the sphere and its poles."""
-    return (
-        npst.arrays(np.float64, (*shape, 4), elements=st.floats(-1, 1))
-        .filter(lambda q: (np.linalg.norm(q, axis=-1) > 0.1).all())
-        .map(lambda q: q / np.linalg.norm(q, axis=-1, keepdims=True))
-    )
+    numbers = npst.arrays(np.float64, (*shape, 4), elements=st.floats(-1, 1))
+    long = numbers.filter(lambda q: (np.linalg.norm(q, axis=-1) > 0.1).all())
+    return long.map(lambda q: q / np.linalg.norm(q, axis=-1, keepdims=True))
 
 
 @st.composite
@@ -73,6 +72,17 @@ def skeletons(rng, n_joints):
     parents = [-1, *(int(rng.integers(joint)) for joint in range(1, n_joints))]
     offsets = rng.uniform(-20, 20, (n_joints, 3))
     return Skeleton([f"joint{j}" for j in range(n_joints)], parents, offsets)
+
+
+def motion_of(skeleton, quats, **fields):
+    """A motion at 30 fps with given rotations, whose joints stay at their offsets."""
+    positions = np.tile(skeleton.offsets, (len(quats), 1, 1))
+    return Motion(skeleton, 1 / 30, quats, positions, **fields)
+
+
+def still_motion(skeleton, n_frames):
+    """A motion in the rest pose."""
+    return motion_of(skeleton, np.tile(rotations.IDENTITY, (n_frames, skeleton.n_joints, 1)))
 
 
 @st.composite
@@ -107,12 +117,7 @@ def random_star_clip(rng, segments, n_joints=4, moving=()):
     positions = np.tile(skeleton.offsets, (n_frames, 1, 1))
     for joint in (0, *moving):
         positions[:, joint] += np.cumsum(rng.normal(size=(n_frames, 3)), axis=0)
-    channels = [
-        ("Xposition", "Yposition", "Zposition", "Zrotation", "Xrotation", "Yrotation")
-        if joint in (0, *moving)
-        else ("Zrotation", "Xrotation", "Yrotation")
-        for joint in range(n_joints)
-    ]
+    channels = usual_channels(joint in (0, *moving) for joint in range(n_joints))
     skeleton = replace(skeleton, channels=channels)
     quats = rotations.continuous_signs(quats)
     motion = Motion(skeleton, 1 / 30, quats, positions, name="clip")
@@ -124,9 +129,7 @@ def person(seed, n_frames=40):
     rng = np.random.default_rng(seed)
     skeleton = human()
     quats = smooth_rotations(rng, n_frames, skeleton.n_joints, speed=0.2)
-    positions = np.tile(skeleton.offsets, (n_frames, 1, 1))
-    quats = rotations.continuous_signs(quats)
-    return Motion(skeleton, 1 / 30, quats, positions, name=f"person{seed}")
+    return motion_of(skeleton, rotations.continuous_signs(quats), name=f"person{seed}")
 
 
 def assert_same_rotations(actual, desired, atol=1e-12):

@@ -1,6 +1,7 @@
 """Properties of the mass model: masses, moments of inertia, heights and the up axis."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,10 +26,8 @@ KINDS = ["own", "subtree", "unit"]
 
 def rest_motion(skeleton, axes=(0, 1, 2)):
     """A motion of two frames in the rest pose, in a world whose axes are permuted."""
-    offsets = skeleton.offsets[:, axes]
-    permuted = Skeleton(skeleton.names, skeleton.parents, offsets)
-    quats = np.tile([0.0, 0.0, 0.0, 1.0], (2, skeleton.n_joints, 1))
-    return Motion(permuted, 1 / 30, quats, np.tile(offsets, (2, 1, 1)))
+    permuted = Skeleton(skeleton.names, skeleton.parents, skeleton.offsets[:, axes])
+    return strategies.still_motion(permuted, 2)
 
 
 @few_examples(40)
@@ -91,12 +90,9 @@ def test_mass_model_scale_changes_only_height(skeleton, factor):
     assert math.isclose(large.height, factor * small.height, rel_tol=1e-9)
     np.testing.assert_allclose(large.mass, small.mass, rtol=1e-9)
     for kind in KINDS:
-        np.testing.assert_allclose(
-            moments_of_inertia(large, scale_skeleton(skeleton, factor), kind),
-            moments_of_inertia(small, skeleton, kind),
-            rtol=1e-7,
-            atol=1e-12,
-        )
+        found = moments_of_inertia(large, scale_skeleton(skeleton, factor), kind)
+        expected = moments_of_inertia(small, skeleton, kind)
+        np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-12)
 
 
 @given(st.data(), st.booleans())
@@ -109,11 +105,9 @@ def test_mass_model_ignores_joint_order(data, is_named):
     for name in ("mass", "bone", "center", "gyration", "inertia"):
         np.testing.assert_allclose(getattr(after, name), getattr(before, name)[order], atol=1e-12)
     assert [order[foot.ankle] for foot in after.feet] == [foot.ankle for foot in before.feet]
-    np.testing.assert_allclose(
-        moments_of_inertia(after, shuffled, "subtree"),
-        moments_of_inertia(before, skeleton, "subtree")[order],
-        atol=1e-12,
-    )
+    found = moments_of_inertia(after, shuffled, "subtree")
+    expected = moments_of_inertia(before, skeleton, "subtree")[order]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_mass_model_markers_face_and_joints_above_hips_have_no_mass():
@@ -124,13 +118,10 @@ def test_mass_model_markers_face_and_joints_above_hips_have_no_mass():
     skeleton = skeleton.with_offsets(np.arange(36.0).reshape(12, 3))
     light = [skeleton.index(name) for name in ("joint_Root", "L_Femur_RIGMESH", "Jaw", "LeftEye")]
     sites = tuple(EndSite(joint, (0, 3, 0)) for joint in light)
-    found = mass_model(
-        Skeleton(skeleton.names, skeleton.parents, skeleton.offsets, end_sites=sites)
-    )
+    found = mass_model(replace(skeleton, end_sites=sites))
     assert not found.mass[light].any()
-    np.testing.assert_array_equal(
-        found.bone[skeleton.index("LeftHip")], skeleton.offsets[skeleton.index("LeftKnee")]
-    )
+    hip, knee = skeleton.index("LeftHip"), skeleton.index("LeftKnee")
+    np.testing.assert_array_equal(found.bone[hip], skeleton.offsets[knee])
 
 
 def test_moments_of_inertia_subtree_matches_point_masses():

@@ -8,7 +8,7 @@ from mograft.io.kimodo import SKELETONS
 from mograft.io.smpl.body_models import SMPL_H, SMPL_X, stand_in
 from mograft.library.spec import conform
 from mograft.motion import rotations
-from tests.strategies import smooth_rotations
+from tests.strategies import smooth_rotations, still_motion
 
 
 def amass_arrays(n_columns=156, n_frames=30, seed=0, dtype=np.float64):
@@ -23,13 +23,9 @@ def amass_arrays(n_columns=156, n_frames=30, seed=0, dtype=np.float64):
     if n_columns != 165:
         rate = {"mocap_framerate": np.array(60.0)}
         return arrays | rate | {"dmpls": rng.normal(size=(n_frames, 8)), "poses": poses}
-    return arrays | {
-        "surface_model_type": np.array("smplx"),
-        "mocap_frame_rate": np.array(60.0),
-        "num_betas": np.array(16),
-        "poses": poses,
-        **{name: poses[:, own] for name, own in SMPL_X.columns.items()},
-    }
+    arrays |= {"surface_model_type": np.array("smplx"), "mocap_frame_rate": np.array(60.0)}
+    parts = {name: poses[:, own] for name, own in SMPL_X.columns.items()}
+    return arrays | {"num_betas": np.array(16), "poses": poses, **parts}
 
 
 def dance_arrays(seed=0, n_frames=400):
@@ -43,8 +39,7 @@ def dance_arrays(seed=0, n_frames=400):
 
 def write_rest_pose(skeleton, path):
     """Write a skeleton as a BVH of one frame in its rest pose, and return the path."""
-    still = np.tile(rotations.IDENTITY, (1, skeleton.n_joints, 1))
-    write_bvh(Motion(skeleton, 1.0, still, skeleton.offsets[None]), path)
+    write_bvh(still_motion(skeleton, 1), path)
     return path
 
 
@@ -66,9 +61,5 @@ def kimodo_arrays(n_joints=30, n_frames=5, seed=0):
     world, places = motion.world_transforms()
     axes = np.eye(3)[:, None, None]  # the columns of a matrix are the rotated axes
     matrices = np.moveaxis(np.array([rotations.rotate(world, axis) for axis in axes]), 0, -1)
-    arrays = {
-        "posed_joints": places.astype(np.float32),
-        "global_rot_mats": matrices.astype(np.float32),
-        "foot_contacts": np.zeros((n_frames, 4), bool),
-    }
-    return arrays, motion
+    arrays = {"posed_joints": np.float32(places), "global_rot_mats": np.float32(matrices)}
+    return arrays | {"foot_contacts": np.zeros((n_frames, 4), bool)}, motion

@@ -13,7 +13,7 @@ from mograft import formats
 from mograft.io.gltf.container import read_container
 from mograft.io.gltf.document import read_gltf_file
 from mograft.motion import rotations
-from tests import clients
+from tests import clients, strategies
 from tests.io.gltf_scenes import random_scene, write_gltf
 
 SCALES = st.sampled_from(["none", "uniform", "mirrored", "any"])
@@ -89,10 +89,7 @@ def test_write_glb_animations_unchanged_joints_keep_their_tracks(tmp_path_factor
     formats.write_glb_animations(path, [clip, motion], target, bases=[clip, clip])
     old, new = read_container(path), read_container(target)
     before, same, after = (
-        {
-            tuple(own["target"].values()): item["samplers"][own["sampler"]]
-            for own in item["channels"]
-        }
+        {(*own["target"].values(),): item["samplers"][own["sampler"]] for own in item["channels"]}
         for item in new.items("animations")
     )
     assert same == before
@@ -121,13 +118,9 @@ def test_write_glb_animations_below_zero_scale_keeps_translations(tmp_path, scal
     }
     path = tmp_path / "still.gltf"
     path.write_text(json.dumps(document))
-    motion = mg.Motion(
-        mg.Skeleton(["a", "b", "c"], [-1, 0, 1], [[0, 0, 0], [0, 1, 0], [0, 0, 0]]),
-        0.1,
-        np.tile(rotations.from_axis_angle([0, 0, 1], 0.5), (3, 3, 1)),
-        np.tile([[0.0, 0, 0], [0, 1, 0], [0, 0, 0]], (3, 1, 1)),
-        name="turn",
-    )
+    skeleton = mg.Skeleton(["a", "b", "c"], [-1, 0, 1], [[0, 0, 0], [0, 1, 0], [0, 0, 0]])
+    quats = np.tile(rotations.from_axis_angle([0, 0, 1], 0.5), (3, 3, 1))
+    motion = replace(strategies.motion_of(skeleton, quats, name="turn"), frame_time=0.1)
     formats.write_glb_animations(path, motion, tmp_path / "out.glb")
     assert_same_motion(mg.read(tmp_path / "out.glb", rate=10)["turn"], motion, 1e-6)
 
@@ -180,10 +173,8 @@ def test_write_glb_animations_buffers_and_images_of_other_files_become_one(
     document["buffers"] += [{"uri": "more.bin", "byteLength": 5}, {"byteLength": 9, "name": "none"}]
     last = len(document["bufferViews"])
     compression = {"EXT_meshopt_compression": {"buffer": 1, "byteOffset": 1, "byteLength": 3}}
-    document["bufferViews"] += [
-        {"buffer": 1, "byteOffset": 1, "byteLength": 3},
-        {"buffer": 2, "byteLength": 9, "extensions": compression},
-    ]
+    document["bufferViews"].append({"buffer": 1, "byteOffset": 1, "byteLength": 3})
+    document["bufferViews"].append({"buffer": 2, "byteLength": 9, "extensions": compression})
     path.write_text(json.dumps(document))
     formats.write_glb_animations(path, change_joints(clip, rng), tmp_path / "out.glb")
     new = read_container(tmp_path / "out.glb")

@@ -12,6 +12,7 @@ from mograft.motion import limits
 from tests.hierarchies import human
 from tests.io import bvh_helpers, fbx_scenes
 from tests.io.npz_files import amass_arrays, kimodo_arrays
+from tests.strategies import still_motion
 
 N_FRAMES = 12
 LIMITS = {
@@ -25,11 +26,10 @@ LIMITS = {
 
 
 def make_motion():
-    skeleton = human()
-    quats = np.tile([0.0, 0.0, 0.0, 1.0], (N_FRAMES, skeleton.n_joints, 1))
-    positions = np.tile(skeleton.offsets, (N_FRAMES, 1, 1))
+    still = still_motion(human(), N_FRAMES)
+    positions = still.positions.copy()
     positions[:, 0, 0] += np.linspace(0.0, 1.0, N_FRAMES)
-    return mg.Motion(skeleton, 1 / 30, quats, positions, name="walk")
+    return replace(still, positions=positions, name="walk")
 
 
 def write_fbx(motion, path):
@@ -123,9 +123,7 @@ def test_name_of_end_site_beyond_limit_raises_error(tmp_path, file):
 def test_chain_of_the_greatest_depth_is_read(tmp_path, file, n):
     names = [f"j{joint}" for joint in range(n)]
     skeleton = mg.Skeleton(names, np.arange(-1, n - 1), np.eye(3)[[1] * n])
-    quats = np.tile([0.0, 0.0, 0.0, 1.0], (2, n, 1))
-    chain = mg.Motion(skeleton, 1 / 30, quats, np.tile(skeleton.offsets, (2, 1, 1)))
-    WRITERS[file](chain, tmp_path / file)
+    WRITERS[file](still_motion(skeleton, 2), tmp_path / file)
     found = mg.read(tmp_path / file)[0]
     assert found.n_joints == n
     heights = found.world_positions()[0, :, 1]
