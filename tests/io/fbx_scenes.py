@@ -4,8 +4,10 @@ import struct
 import zlib
 from dataclasses import dataclass, field
 from functools import partial
+from importlib.util import find_spec
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 TICKS = 46_186_158_000
@@ -19,14 +21,9 @@ ORDERS = ("XYZ", "XZY", "YZX", "YXZ", "ZXY", "ZYX")
 
 INHERIT_RRSS, INHERIT_RSRS, INHERIT_RRS = 0, 1, 2
 PROPERTIES = {"T": "Lcl Translation", "R": "Lcl Rotation", "S": "Lcl Scaling"}
-VECTORS = {
-    "pre": "PreRotation",
-    "post": "PostRotation",
-    "rotation_offset": "RotationOffset",
-    "rotation_pivot": "RotationPivot",
-    "scaling_offset": "ScalingOffset",
-    "scaling_pivot": "ScalingPivot",
-}
+PIVOTS = [f"{own}_{kind}" for own in ("rotation", "scaling") for kind in ("offset", "pivot")]
+VECTORS = {"pre": "PreRotation", "post": "PostRotation"}
+VECTORS |= {name: name.title().replace("_", "") for name in PIVOTS}
 
 
 @dataclass(frozen=True)
@@ -88,6 +85,12 @@ class Scene:
     unit: float = 1.0  # centimetres
     bind: dict = field(default_factory=dict)  # node to world matrix (4, 4)
     meshes: tuple = ()
+
+
+def needs_extension():
+    """The mark of tests that need the package mograft-fbx."""
+    reason = "mograft-fbx is not installed: pip install ./python-fbx"
+    return pytest.mark.skipif(not find_spec("mograft_fbx"), reason=reason)
 
 
 # Documents: an element is (name, values, children).
@@ -184,9 +187,7 @@ def _add_take(builder, take, models):
 def _add_mesh(builder, scene, mesh, models):
     node = _node_properties(Node("mesh", T=mesh.place))
     model = builder.add("Model", ("mesh", "Model"), "Mesh", [node], 0)
-    ends = [
-        index if i < len(own) - 1 else ~index for own in mesh.faces for i, index in enumerate(own)
-    ]
+    ends = [index for *others, last in mesh.faces for index in (*others, ~last)]
 
     def layer(kind, mapping, arrays):
         words = {"MappingInformationType": mapping, "ReferenceInformationType": "IndexToDirect"}
@@ -327,11 +328,8 @@ def to_binary(scene, version=7400):
     return data + bytes(25 if version >= 7500 else 13)
 
 
-CONTAINERS = {
-    "text": to_text,
-    "binary 7400": to_binary,
-    "binary 7700": partial(to_binary, version=7700),
-}
+CONTAINERS = {"text": to_text, "binary 7400": to_binary}
+CONTAINERS["binary 7700"] = partial(to_binary, version=7700)
 """Writers of the kinds of files; a recorded file has the older layout of version 6100."""
 
 

@@ -17,18 +17,10 @@ from tests.io.gltf_scenes import read_primitives, skinned
 from tests.io.recorded_files import DATA
 from tests.strategies import SEEDS, few_examples
 
-FILES = [
-    path
-    for path in sorted((DATA / "fbx").glob("*.fbx"))
-    if path.stem.startswith(("quaternius", "Geno", "ufbx_blender_279_sausage"))
-]
+STARTS = ("quaternius", "Geno", "ufbx_blender_279_sausage")
+FILES = [path for path in sorted((DATA / "fbx").glob("*.fbx")) if path.stem.startswith(STARTS)]
 PNG = b"\x89PNG\r\n\x1a\n picture"
-
-
-@pytest.fixture(autouse=True)
-def _extension():
-    reason = "mograft-fbx is not installed: pip install ./python-fbx"
-    pytest.importorskip("mograft_fbx", reason=reason)
+pytestmark = fbx.needs_extension()
 
 
 @st.composite
@@ -48,9 +40,8 @@ def figures(draw):
         weights[chosen, vertex] = rng.uniform(0.1, 1.0, n_influences)
     faces = ((0, 1, 2), (3, 4, 5), (6, 7, 8))
     axes = draw(st.sampled_from([((1, 1), (2, 1), (0, 1)), ((2, 1), (1, -1), (0, 1))]))
-    mesh = Mesh(
-        rng.normal(size=(n, 3)), faces, rng.random((9, 2)), weights, tuple(rng.normal(size=3))
-    )
+    points, uvs, place = rng.normal(size=(n, 3)), rng.random((9, 2)), tuple(rng.normal(size=3))
+    mesh = Mesh(points, faces, uvs, weights, place)
     return Scene(tuple(nodes), (take,), axes=axes, unit=2.5, meshes=(mesh,))
 
 
@@ -88,10 +79,8 @@ def clip_of(file):
 
 
 def textured(texture, content=b"", color=(1.0, 1.0, 1.0)):
-    points, faces = np.eye(3), ((0, 1, 2),)
-    mesh = Mesh(
-        points, faces, np.zeros((3, 2)), np.ones((1, 3)), (0, 0, 0), color, texture, content
-    )
+    uvs, weights, look = np.zeros((3, 2)), np.ones((1, 3)), (color, texture, content)
+    mesh = Mesh(np.eye(3), ((0, 1, 2),), uvs, weights, (0, 0, 0), *look)
     take = Take("move", 2, (Layer({(0, "R"): np.array([[0, 0, 0], [9.0, 0, 0]])}),))
     return Scene((Node("a"),), (take,), meshes=(mesh,))
 

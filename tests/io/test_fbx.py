@@ -5,6 +5,7 @@ import struct
 import sys
 import zlib
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -27,12 +28,7 @@ SIGNED_AXES = [
     for order in ((1, 2, 0), (2, 1, 0), (0, 1, 2))
     for signs in ((1, 1, 1), (1, -1, 1), (-1, 1, -1))
 ]
-
-
-@pytest.fixture(autouse=True)
-def _extension():
-    reason = "mograft-fbx is not installed: pip install ./python-fbx"
-    pytest.importorskip("mograft_fbx", reason=reason)
+pytestmark = fbx.needs_extension()
 
 
 @pytest.fixture(scope="module")
@@ -67,14 +63,11 @@ def random_scene(rng, n_nodes=4, n_frames=3, *, is_scaled=True, inherit=1, **set
         )
         for number in range(n_nodes)
     ]
-    tracks = {
-        (number, key): scales((n_frames, 3))
-        if key == "S"
-        else rng.uniform(-sizes[key], sizes[key], (n_frames, 3))
-        for number in range(n_nodes)
-        for key in "TRS"
-        if rng.random() < 0.8
-    }
+    tracks, shape = {}, (n_frames, 3)
+    for pair in product(range(n_nodes), "TRS"):
+        if rng.random() < 0.8:
+            size = sizes.get(pair[1], 0)
+            tracks[pair] = scales(shape) if pair[1] == "S" else rng.uniform(-size, size, shape)
     return Scene(tuple(nodes), (Take("walk", n_frames, (Layer(tracks),), first=2),), **settings)
 
 
@@ -183,25 +176,21 @@ def test_fbx_given_rate_samples_keys_over_exact_duration(folder, rate, seed):
 
 def test_fbx_takes_are_clips_with_different_names(folder):
     names = ("walk", "run", "walk", "")
-    takes = [
-        Take(name, 2 + n, (Layer({(0, "T"): np.full((2 + n, 3), n)}),))
-        for n, name in enumerate(names)
-    ]
+    layers = [Layer({(0, "T"): np.full((2 + n, 3), n)}) for n in range(4)]
+    takes = [Take(name, 2 + n, (layers[n],)) for n, name in enumerate(names)]
     clips = read_scene(folder, Scene((Node("root"),), tuple(takes)))
     assert clips.names == ("walk", "run", "walk~2", "take4")
     assert [motion.n_frames for motion in clips] == [2, 3, 4, 5]
     assert clips["walk~2"].positions[0, 0].tolist() == [2.0, 2.0, 2.0]
 
 
-HERO = (
-    Node("scale", kind="Null"),
-    Node("hips", 0),
-    Node("twist", 1, kind="Null"),
-    Node("hand", 2),
-    Node("sword", 3, kind="Null"),
-    Node("camera", -1, kind="Null"),
-)
-NULLS = (Node("a", kind="Null"), Node("b", 0, kind="Null"), Node("c", -1, kind="Null"))
+def null(name, parent=-1):
+    return Node(name, parent, kind="Null")
+
+
+HERO = (null("scale"), Node("hips", 0), null("twist", 1), Node("hand", 2), null("sword", 3))
+HERO = (*HERO, null("camera"))
+NULLS = (null("a"), null("b", 0), null("c"))
 
 
 @pytest.mark.parametrize(
