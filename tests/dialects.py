@@ -42,9 +42,8 @@ def skeletons(draw, max_joints=6):
         path = path[: draw(st.integers(1, len(path)))]
         parents.append(path[-1])
         path.append(joint)
-    channels = [
-        tuple(draw(st.lists(st.sampled_from(CHANNELS), unique=True))) for _ in range(n_joints)
-    ]
+    words = st.lists(st.sampled_from(CHANNELS), unique=True)
+    channels = [tuple(draw(words)) for _ in range(n_joints)]
     channels[0] = channels[0] or ("Zrotation",)
     counts = [parents.count(joint) for joint in range(n_joints)]
     offsets = npst.arrays(np.float64, 3, elements=coordinates())
@@ -82,9 +81,8 @@ class Clip:
 def clips(draw, max_frames=4):
     skeleton = draw(skeletons())
     shape = (draw(st.integers(1, max_frames)), skeleton.n_channels)
-    frame_time = draw(
-        st.sampled_from([1 / 30, 1 / 120, 0.0417083750417, 2e-5]) | st.floats(1e-5, 1e3)
-    )
+    usual = st.sampled_from([1 / 30, 1 / 120, 0.0417083750417, 2e-5])
+    frame_time = draw(usual | st.floats(1e-5, 1e3))
     return Clip(skeleton, frame_time, draw(npst.arrays(np.float64, shape, elements=coordinates())))
 
 
@@ -133,9 +131,8 @@ def layouts(**fields):
 
 def dialects():
     """All dialects that the reader tolerates; half of the choices are the standard ones."""
-    return layouts(
-        **{own: st.just(values[0]) | st.sampled_from(values) for own, values in REPAIRS.items()}
-    )
+    choices = {k: st.just(own[0]) | st.sampled_from(own) for k, own in REPAIRS.items()}
+    return layouts(**choices)
 
 
 CASES = {"as is": str, "lower": str.lower, "upper": str.upper, "title": str.title}
@@ -204,12 +201,8 @@ def to_text(clip, dialect):
         channels = skeleton.channels[item]
         if not dialect.channels_first:
             offset(depth + 1, skeleton.offsets[item])
-        out.add(
-            depth + 1,
-            keyword("CHANNELS"),
-            dialect.count.format(len(channels)),
-            *map(channel, channels),
-        )
+        words = keyword("CHANNELS"), dialect.count.format(len(channels)), *map(channel, channels)
+        out.add(depth + 1, *words)
         if dialect.channels_first:
             offset(depth + 1, skeleton.offsets[item])
         stack += [(child, depth + 1) for child in reversed(skeleton.children_and_sites[item])]

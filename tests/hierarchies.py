@@ -71,21 +71,15 @@ def without_names(skeleton):
 
 def _under_joint(motion, name, offsets, path):
     """Return the motion below a joint that moves along a path; world positions stay."""
-    below = Skeleton(
-        [name, *motion.skeleton.names],
-        [-1, *(motion.skeleton.parents + 1)],
-        offsets,
-        end_sites=tuple(replace(s, parent=s.parent + 1) for s in motion.skeleton.end_sites),
-    )
+    old = motion.skeleton
+    sites = tuple(replace(site, parent=site.parent + 1) for site in old.end_sites)
+    below = Skeleton([name, *old.names], [-1, *(old.parents + 1)], offsets, end_sites=sites)
     still = np.tile(rotations.IDENTITY, (motion.n_frames, 1, 1))
     root = motion.positions[:, :1] - path
-    return replace(
-        motion,
-        skeleton=below,
-        rotations=np.concatenate([still, motion.rotations], axis=1),
-        positions=np.concatenate([path, root, motion.positions[:, 1:]], axis=1),
-        channel_values=None,
-    )
+    quats = np.concatenate([still, motion.rotations], axis=1)
+    places = np.concatenate([path, root, motion.positions[:, 1:]], axis=1)
+    changes = {"rotations": quats, "positions": places, "channel_values": None}
+    return replace(motion, skeleton=below, **changes)
 
 
 def with_joint_above_root(motion, share):
@@ -112,13 +106,8 @@ def with_order(skeleton, order):
     new_index = {old: new for new, old in enumerate(order)}
     parents = [new_index.get(int(skeleton.parents[old]), -1) for old in order]
     sites = tuple(replace(s, parent=new_index[s.parent], before=0) for s in skeleton.end_sites)
-    return Skeleton(
-        [skeleton.names[old] for old in order],
-        parents,
-        skeleton.offsets[order],
-        [skeleton.channels[old] for old in order],
-        sites,
-    )
+    names, channels = ([own[old] for old in order] for own in (skeleton.names, skeleton.channels))
+    return Skeleton(names, parents, skeleton.offsets[order], channels, sites)
 
 
 @st.composite
@@ -146,14 +135,12 @@ def skeletons(draw, names=KNOWN_NAMES, max_joints=16):
     n_joints = draw(st.integers(1, max_joints))
     parents = [-1] + [draw(st.integers(0, joint - 1)) for joint in range(1, n_joints)]
     number = st.integers(-20, 20).map(float)
-    offsets = draw(
-        st.lists(st.tuples(number, number, number), min_size=n_joints, max_size=n_joints)
-    )
+    vector = st.tuples(number, number, number)
+    offsets = draw(st.lists(vector, min_size=n_joints, max_size=n_joints))
     sites = draw(st.lists(st.tuples(st.integers(0, n_joints - 1), number), max_size=3))
     joint_names = [draw(names) for _ in range(n_joints)]
-    return Skeleton(
-        joint_names, parents, offsets, end_sites=tuple(EndSite(j, (0, y, 1)) for j, y in sites)
-    )
+    tips = tuple(EndSite(joint, (0, y, 1)) for joint, y in sites)
+    return Skeleton(joint_names, parents, offsets, end_sites=tips)
 
 
 def human():
@@ -204,6 +191,5 @@ def each_recording():
 def mark_repeated_hierarchies(paths):
     """Return test parameters for files; of each hierarchy, all but one need `--thorough`."""
     firsts = set(distinct_recordings())
-    return [
-        path if path in firsts else pytest.param(path, marks=pytest.mark.thorough) for path in paths
-    ]
+    thorough = {"marks": pytest.mark.thorough}
+    return [pytest.param(path, **{} if path in firsts else thorough) for path in paths]

@@ -18,18 +18,16 @@ def test_suggest_frames_names_frames_that_exist_nearest_to_those_given(first, n,
     """As many as fit, from the first given one, if that leaves two frames or enough."""
     given_frames = (first, first + n)
     text = suggest_frames(given_frames, last, shortest)
-    given_text, start, stop = re.fullmatch(
-        r"got ([\d-]+); did you mean (\d+)(?:-(\d+))?\?", text
-    ).groups()
+    pattern = r"got ([\d-]+); did you mean (\d+)(?:-(\d+))?\?"
+    given_text, start, stop = re.fullmatch(pattern, text).groups()
     start, stop = int(start), int(stop or start)
     assert given_text == (f"{first}-{first + n}" if n else f"{first}")
     assert 0 <= start <= stop <= last
     assert stop - start >= min(max(n, shortest), 1)
     wanted = max(n, shortest)
     is_cut = first + min(wanted, 1) <= last
-    assert (start, stop) == (
-        (first, min(first + wanted, last)) if is_cut else (max(last - wanted, 0), last)
-    )
+    ends = (first, min(first + wanted, last)) if is_cut else (max(last - wanted, 0), last)
+    assert (start, stop) == ends
 
 
 @given(known=NAMES, patterns=NAMES)

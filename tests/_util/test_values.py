@@ -118,29 +118,23 @@ def test_candidates_invalid_segment_raises_value_error(segment):
 
 
 PAIR = "must be a first and a last frame, ascending"
+FRAMES, WHOLE = f"`frames` {PAIR}", "`frame` must be a whole number of at least 0"
+NO_PAIRS, NOT_FINITE, BALL = [3, (5, 2), "ab"], [np.nan, np.inf], mc.Sphere((0, 0, 0), 1)
 RAGGED = "`stop` must be an array, got rows of different lengths"
 
 
 @pytest.mark.parametrize(
     ("call", "values", "message"),
     [
-        (
-            lambda own: mc.AvoidSelf(frames=own),
-            [3, (1,), (5, 2), (0.5, 2), (-1, 2), "ab"],
-            f"`frames` {PAIR}",
-        ),
-        (lambda own: mc.OnlyFrom("a", clip_frames=own), [3, (5, 2), "ab"], f"`clip_frames` {PAIR}"),
-        (
-            lambda own: mc.Reach("LeftHand", (0, 0, 0), own),
-            [-1, 1.5, True, "1"],
-            "`frame` must be a whole number of at least 0",
-        ),
+        (lambda own: mc.AvoidSelf(frames=own), [*NO_PAIRS, (1,), (0.5, 2), (-1, 2)], FRAMES),
+        (lambda own: mc.OnlyFrom("a", clip_frames=own), NO_PAIRS, f"`clip_frames` {PAIR}"),
+        (lambda own: mc.Reach("LeftHand", (0, 0, 0), own), [-1, 1.5, True, "1"], WHOLE),
         (lambda own: mg.Segments([0, 8], own), [[[8], [15, 21]]], RAGGED),
-        (lambda own: mc.Character(MOTION, yaw=own), [np.nan, np.inf], "`yaw` must be finite"),
-        (lambda own: mc.Character(MOTION, delay=own), [np.nan, np.inf], "`delay` must be finite"),
+        (lambda own: mc.Character(MOTION, yaw=own), NOT_FINITE, "`yaw` must be finite"),
+        (lambda own: mc.Character(MOTION, delay=own), NOT_FINITE, "`delay` must be finite"),
         (
-            lambda own: mc.Avoid(mc.Sphere((0, 0, 0), 1), margin=own),
-            [np.nan, np.inf],
+            lambda own: mc.Avoid(BALL, margin=own),
+            NOT_FINITE,
             "`margin` must be finite, got (nan|inf)",
         ),
     ],

@@ -69,30 +69,25 @@ def test_find_faults_smooth_motion_is_empty(motion):
 def test_find_faults_leading_rest_pose_is_first_frame(motion):
     values = motion.channel_values.copy()
     values[0] = 0.0
-    assert fault_list(motion_of_values(motion.skeleton, values, motion.frame_time))[:1] == [
-        ("first_frame", (0, 0), None)
-    ]
+    faults = fault_list(motion_of_values(motion.skeleton, values, motion.frame_time))
+    assert faults[:1] == [("first_frame", (0, 0), None)]
 
 
 @given(figures, st.floats(2.0, 3.5))
 def test_find_faults_fast_start_is_not_first_frame(motion, times):
     positions = motion.positions.copy()
     steps = np.linalg.norm(np.diff(motion.world_positions(), axis=0), axis=-1).mean(axis=-1)
-    positions[0, 0] -= (
-        np.sign(positions[1, 0] - positions[0, 0]) * times * np.median(steps) / np.sqrt(3.0)
-    )
+    forward = np.sign(positions[1, 0] - positions[0, 0])
+    positions[0, 0] -= forward * times * np.median(steps) / np.sqrt(3.0)
     assert fault_list(replace(motion, positions=positions)) == []
 
 
 @given(figures, frames)
 def test_find_faults_small_noise_of_still_figure_is_empty(motion, frame):
-    repeated_frames = np.zeros(N_FRAMES, dtype=int)
-    positions = motion.positions[repeated_frames].copy()
+    quats, positions = (own[[0] * N_FRAMES] for own in (motion.rotations, motion.positions))
     height = np.ptp(motion.world_positions()[0], axis=0).max()
     positions[frame:, 0, 0] += height * motion.frame_time
-    standing = mg.Motion(
-        motion.skeleton, motion.frame_time, motion.rotations[repeated_frames], positions
-    )
+    standing = mg.Motion(motion.skeleton, motion.frame_time, quats, positions)
     assert {kind for kind, *_ in fault_list(standing)} <= {"frozen"}
 
 
@@ -136,15 +131,9 @@ def test_find_faults_rotated_frame_is_glitch_and_rotation_step_flip(motion, fram
 @given(figures, frames)
 def test_find_faults_identical_frames_are_frozen(motion, frame):
     n_repeated = max(int(np.ceil(0.26 / motion.frame_time)), 4)
-    indices = np.concatenate(
-        [np.arange(frame), np.full(n_repeated, frame), np.arange(frame, N_FRAMES)]
-    )
-    frozen = replace(
-        motion,
-        rotations=motion.rotations[indices],
-        positions=motion.positions[indices],
-        channel_values=motion.channel_values[indices],
-    )
+    indices = [*range(frame), *[frame] * n_repeated, *range(frame, N_FRAMES)]
+    fields = "rotations", "positions", "channel_values"
+    frozen = replace(motion, **{name: getattr(motion, name)[indices] for name in fields})
     assert ("frozen", (frame, frame + n_repeated), None) in fault_list(frozen)
 
 

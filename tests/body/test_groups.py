@@ -143,12 +143,10 @@ def test_groups_accept_names_globs_indices_and_subtrees():
     groups = JointGroups(
         {"feet": ["*Foot", 5], "lower": ["Hips", "LeftLeg"], "upper": [subtree("Sp?ne")]}
     )
-    assert {name: joints.tolist() for name, joints in groups.resolve(small_skeleton()).items()} == {
-        "feet": [4, 5],
-        "lower": [0, 3],
-        "upper": [1, 2],
-    }
-    assert groups.resolve(small_skeleton())["feet"].dtype == np.int64
+    found = groups.resolve(small_skeleton())
+    expected = {"feet": [4, 5], "lower": [0, 3], "upper": [1, 2]}
+    assert {name: joints.tolist() for name, joints in found.items()} == expected
+    assert found["feet"].dtype == np.int64
     assert groups.names == ("feet", "lower", "upper")
     assert repr(groups) == (
         "JointGroups(feet: *Foot 5; lower: Hips LeftLeg; upper: subtree('Sp?ne'); base lower)"

@@ -22,16 +22,13 @@ CMU = (
 
 def published_skeletons():
     """Skeletons whose joints have published names."""
-    skeletons = {
+    skeletons = {"CMU": skeleton_from_text(CMU)[0], "human": human()}
+    skeletons |= {"dance": dance(strides=1).motion.skeleton}
+    skeletons |= {model.name: stand_in(model) for model in MODELS}
+    return skeletons | {
         f"Kimodo {n}": mg.Skeleton(k.joints, k.parents, np.ones((n, 3)))
         for n, k in SKELETONS.items()
         if k.name != "G1"
-    }
-    skeletons |= {model.name: stand_in(model) for model in MODELS}
-    return skeletons | {
-        "CMU": skeleton_from_text(CMU)[0],
-        "human": human(),
-        "dance": dance(strides=1).motion.skeleton,
     }
 
 
@@ -39,12 +36,8 @@ SKELETONS_BY_NAME = published_skeletons()
 
 
 def pairs(skeleton, other):
-    match = match_joints(skeleton, other)
-    return {
-        skeleton.names[joint]: other.names[source]
-        for joint, source in enumerate(match.sources.tolist())
-        if source >= 0
-    }
+    sources = enumerate(match_joints(skeleton, other).sources.tolist())
+    return {skeleton.names[joint]: other.names[own] for joint, own in sources if own >= 0}
 
 
 @pytest.mark.parametrize("other", SKELETONS_BY_NAME)

@@ -15,9 +15,8 @@ from mograft.dancer import dance
 
 def planar_points(min_size=1, max_size=12):
     coordinate = st.floats(-5, 5, width=32) | st.integers(-3, 3).map(float)
-    return npst.arrays(
-        np.float64, st.tuples(st.integers(min_size, max_size), st.just(2)), elements=coordinate
-    )
+    shape = st.tuples(st.integers(min_size, max_size), st.just(2))
+    return npst.arrays(np.float64, shape, elements=coordinate)
 
 
 def test_support_polygons_without_legs_raises_error_with_all_joints():
@@ -33,9 +32,8 @@ def test_convex_hull_of_random_points_equals_scipy_hull(points):
     assume(spread >= 1e-6)  # SciPy refuses collinear points
     hull = convex_hull(points)
     expected = ConvexHull(points)
-    signed_area = 0.5 * np.sum(
-        hull[:, 0] * np.roll(hull[:, 1], -1) - np.roll(hull[:, 0], -1) * hull[:, 1]
-    )
+    (x, y), (x2, y2) = hull.T, np.roll(hull, -1, axis=0).T
+    signed_area = 0.5 * np.sum(x * y2 - x2 * y)
     assert signed_area == pytest.approx(expected.volume, abs=1e-9)  # positive: counterclockwise
     assert {tuple(p) for p in hull.tolist()} <= {tuple(p) for p in points.tolist()}
     outside = expected.equations[:, :2] @ hull.T + expected.equations[:, 2:]

@@ -38,12 +38,9 @@ def build(target):
     host = subprocess.run(["rustc", "-vV"], capture_output=True, text=True, check=True).stdout
     triple = next(line.split()[1] for line in host.splitlines() if line.startswith("host:"))
     # With the option --target, build scripts are compiled without coverage.
-    subprocess.run(
-        ["cargo", "build", "--release", "--bin", target, "--target", triple],
-        cwd=crate,
-        env=os.environ | {"RUSTFLAGS": " ".join(_COVERAGE)},
-        check=True,
-    )
+    command = ["cargo", "build", "--release", "--bin", target, "--target", triple]
+    environment = os.environ | {"RUSTFLAGS": " ".join(_COVERAGE)}
+    subprocess.run(command, cwd=crate, env=environment, check=True)
     folder = Path(os.environ.get("CARGO_TARGET_DIR", crate / "target"))
     return folder / triple / "release" / target
 

@@ -194,15 +194,9 @@ def random_scene(rng, *, scale, has_skin):
     moved = {track.node for track in tracks}
     still = [node for node in range(n_nodes) if node not in moved]
     skin = sorted(rng.choice(n_nodes, int(rng.integers(1, n_nodes + 1)), replace=False).tolist())
-    return Scene(
-        parents,
-        rng.uniform(-2, 2, (n_nodes, 3)),
-        turned,
-        scales(n_nodes),
-        tracks,
-        skin if has_skin else None,
-        {node for node in still if rng.random() < 0.3},
-    )
+    places, sizes = rng.uniform(-2, 2, (n_nodes, 3)), scales(n_nodes)
+    matrices = {node for node in still if rng.random() < 0.3}
+    return Scene(parents, places, turned, sizes, tracks, skin if has_skin else None, matrices)
 
 
 def _random_track(rng, node, path, scales):

@@ -189,10 +189,8 @@ def test_rest_skeleton_foreign_names_gives_bone_lengths_of_the_figure():
     for theirs, own in shins:
         length = 0.01 * np.linalg.norm(figure.offsets[figure.index(theirs)])
         assert np.linalg.norm(rest.offsets[rest.index(own)]) == pytest.approx(length)
-    directions, standard = (
-        own.offsets[1:] / np.linalg.norm(own.offsets[1:], axis=1, keepdims=True)
-        for own in (rest, stand_in(model))
-    )
+    bones = (own.offsets[1:] for own in (rest, stand_in(model)))
+    directions, standard = (own / np.linalg.norm(own, axis=1, keepdims=True) for own in bones)
     np.testing.assert_allclose(directions, standard, atol=1e-12)
 
 

@@ -58,9 +58,8 @@ def test_read_bvh_result_does_not_depend_on_the_file_before(clip, data, strict):
     text = TEXT.encode() if data.draw(st.booleans()) else to_text(clip, Dialect())
     end = text.index(b"MOTION")
     place = data.draw(st.integers(0, end + 8) | st.integers(end - 9, end))
-    n_removed, added = data.draw(
-        st.sampled_from([(0, b" "), (0, b"}"), (1, b""), (1, b"7"), (0, b"")])
-    )
+    changes = [(0, b" "), (0, b"}"), (1, b""), (1, b"7"), (0, b"")]
+    n_removed, added = data.draw(st.sampled_from(changes))
     other = text[:place] + added + text[place + n_removed :]
     read(TEXT.replace("Hips", "Root"))
     expected = _result(other, strict=strict)

@@ -115,6 +115,10 @@ EMPTY = {"root_orient": np.zeros((0, 3)), "pose_body": np.zeros((0, 63)), "trans
 zeros = np.zeros
 
 
+def empty_kimodo(*shape):
+    return {"posed_joints": zeros((*shape, 3)), "global_rot_mats": zeros((*shape, 3, 3))}
+
+
 @pytest.mark.parametrize(
     ("base", "changes", "message"),
     [
@@ -144,16 +148,8 @@ zeros = np.zeros
         (KIMODO, {"global_rot_mats": zeros((5, 30, 3, 3))}, r"rotation matrices, .* at \[0, 0\]"),
         (KIMODO, {"global_rot_mats": zeros((5, 30, 3, 3)) + 1e300}, "expected rotation matrices"),
         (KIMODO, {"global_rot_mats": zeros((5, 30, 3, 3)) - np.eye(3)}, "expected rotation matri"),
-        (
-            {},
-            {"posed_joints": zeros((5, 31, 3)), "global_rot_mats": zeros((5, 31, 3, 3))},
-            "posed_joints`: expected 22 .* joints, got 31",
-        ),
-        (
-            {},
-            {"posed_joints": zeros((0, 30, 3)), "global_rot_mats": zeros((0, 30, 3, 3))},
-            "`posed_joints`: expected at least one frame",
-        ),
+        ({}, empty_kimodo(5, 31), "posed_joints`: expected 22 .* joints, got 31"),
+        ({}, empty_kimodo(0, 30), "`posed_joints`: expected at least one frame"),
     ],
     ids=range(28),
 )
@@ -184,17 +180,15 @@ def test_npz_header_of_python_2_is_read_without_warning(tmp_path):
     np.testing.assert_array_equal(open_npz_archive(path).read_floats("x", (2, 3)), values)
 
 
+HEADER = header_of((2, 3))[10:]
+
+
 @pytest.mark.parametrize(
     ("version", "header", "size", "message"),
     [
-        (1, header_of((2, 3))[10:-1], 118, "EOF: .* header, expected 118 bytes got 117"),
-        (2, header_of((2, 3))[10:-1], 118, "EOF: .* header, expected 118 bytes got 117"),
-        (
-            1,
-            header_of((2, 3))[10:].replace(b"(2, 3)", b"(True,)"),
-            119,
-            "expected a shape of lengths",
-        ),
+        (1, HEADER[:-1], 118, "EOF: .* header, expected 118 bytes got 117"),
+        (2, HEADER[:-1], 118, "EOF: .* header, expected 118 bytes got 117"),
+        (1, HEADER.replace(b"(2, 3)", b"(True,)"), 119, "expected a shape of lengths"),
         (1, b"{'descr': '<f8', 'fortran_order': False, 'shape': (3), }", 56, "shape .* valid: 3"),
         (1, b"{'descr': " + b"-" * 9000 + b"1}", 9012, "expected the header .*, got a deep"),
     ],
