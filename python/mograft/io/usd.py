@@ -195,13 +195,11 @@ def _to_matrices(quats: FloatArray, positions: FloatArray) -> Any:  # noqa: ANN4
     """Return rigid transforms as USD matrices. These act on row vectors."""
     from pxr import Gf, Vt
 
-    matrices = []
-    for (x, y, z, w), position in zip(quats.tolist(), positions.tolist(), strict=True):
-        matrix = Gf.Matrix4d(1.0)
-        matrix.SetRotateOnly(Gf.Quatd(w, x, y, z))
-        matrix.SetTranslateOnly(Gf.Vec3d(*position))
-        matrices.append(matrix)
-    return Vt.Matrix4dArray(matrices)
+    places = (Gf.Vec3d(*own) for own in positions.tolist())
+    turns = (Gf.Quatd(w, x, y, z) for x, y, z, w in quats.tolist())
+    pairs = zip(turns, places, strict=True)
+    rigid = [Gf.Matrix4d(1.0).SetRotateOnly(a).SetTranslateOnly(b) for a, b in pairs]
+    return Vt.Matrix4dArray(rigid)
 
 
 def _joint_paths(skeleton: Skeleton) -> list[str]:
