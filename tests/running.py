@@ -1,4 +1,4 @@
-"""A command of mograft that serves something, in a process of its own."""
+"""Commands and code in processes of their own."""
 
 import json
 import subprocess
@@ -6,9 +6,18 @@ import sys
 from contextlib import contextmanager
 
 
+def run_python(code, **options):
+    """Run code, which must succeed; return what it prints."""
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, capture_output=True, text=True, check=True, **options).stdout
+
+
 @contextmanager
 def running(*words, **options):
-    """Run a command; yield the process and the JSON that it prints first; kill it at the end."""
+    """Run a command that serves something, and kill it at the end.
+
+    Yield the process and the JSON that it prints first.
+    """
     words = [sys.executable, "-m", "mograft", *map(str, words), "--json"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with subprocess.Popen(words, text=True, **pipes, **options) as process:

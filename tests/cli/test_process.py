@@ -66,14 +66,9 @@ def test_json_every_command_accepts_addresses_and_prints_one_document(succeed, w
 @contextmanager
 def running(*words):
     """Start a command as a process of its own; at the end of the block, kill what is left of it."""
-    child = subprocess.Popen(
-        [sys.executable, "-u", "-m", "mograft", *map(str, words)],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    words = [sys.executable, "-u", "-m", "mograft", *map(str, words)]
+    pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    child = subprocess.Popen(words, text=True, start_new_session=True, **pipes)
     try:
         yield child
     finally:

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from mograft._standalone import mograft_linkage
+from tests.running import run_python
 
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = ROOT / "python" / "mograft" / "_standalone"
@@ -97,9 +98,7 @@ def test_wheel_needs_and_imports_numpy_only(wheels, tmp_path):
     assert needed == ["numpy"]
     code = "import sys, numpy; old = {*sys.modules}; import mograft_linkage; "
     code += "print(*{*sys.modules} - old)"
-    run = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
-    added = {name.partition(".")[0] for name in run.stdout.split()}
+    modules = run_python(code, cwd=tmp_path).split()
+    added = {name.partition(".")[0] for name in modules}
     assert added <= {"mograft_linkage", "numpy", *sys.stdlib_module_names}
-    assert run.stdout.count("mograft_linkage") == len(MODULES) + 1
+    assert " ".join(modules).count("mograft_linkage") == len(MODULES) + 1

@@ -1,8 +1,5 @@
 """Metrics against SciPy, and points of every memory layout and precision."""
 
-import subprocess
-import sys
-
 import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -12,6 +9,7 @@ from mograft import clustering
 from tests.analysis.test_clustering import by_first_appearance, clouds
 from tests.linkage.test_adversarial import METRICS
 from tests.memory import PEAK_BYTES
+from tests.running import run_python
 
 
 def with_other_columns(points):
@@ -83,9 +81,7 @@ print(peak_bytes() - before)
 
 def test_cut_single_precision_columns_are_not_copied():
     def extra_bytes(dtype, order):
-        script = PEAK_BYTES + MEMORY.format(dtype=dtype, order=order)
-        run = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
-        return int(run.stdout)
+        return int(run_python(PEAK_BYTES + MEMORY.format(dtype=dtype, order=order)))
 
     in_double = 40_000 * 100 * 8
     usual = extra_bytes("float64", "C")

@@ -8,13 +8,7 @@ from pathlib import Path
 import pytest
 
 import mograft
-
-
-def run_python(code):
-    process = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    )
-    return process.stdout.split()
+from tests.running import run_python
 
 
 @pytest.mark.parametrize("words", ["['--help']", "['--version']", "['graft', '--help']"])
@@ -30,7 +24,7 @@ heavy = {{"numpy", "matplotlib", "webbrowser", "sqlite3", "multiprocessing", "im
 heavy &= set(sys.modules)
 print("heavy", *heavy)
 """
-    assert run_python(code)[-3:] == ["code", "0", "heavy"]
+    assert run_python(code).split()[-3:] == ["code", "0", "heavy"]
 
 
 def test_public_names_resolve_and_are_listed_by_dir():
@@ -42,7 +36,7 @@ print(*(name for name in names if getattr(mograft, name) is None))
 import mograft.viewing.page, mograft.analysis.segmentation
 print(mograft.view.__name__, mograft.segment.__name__)
 """
-    assert run_python(code) == ["view", "segment"]
+    assert run_python(code).split() == ["view", "segment"]
     assert sorted(set(mograft.__all__)) == sorted(mograft.__all__)
 
 
@@ -71,12 +65,8 @@ def test_closed_output_pipe_ends_without_message(tmp_path):
     write_bvh(dance(strides=1).motion[:20], tmp_path / "a.bvh")
     read_end, write_end = os.pipe()
     os.close(read_end)
+    words = [sys.executable, "-m", "mograft", "groups", tmp_path / "a.bvh"]
     with open(write_end, "wb") as closed:
-        process = subprocess.run(
-            [sys.executable, "-m", "mograft", "groups", tmp_path / "a.bvh"],
-            stdout=closed,
-            stderr=subprocess.PIPE,
-            text=True,
-            check=False,
-        )
+        pipes = {"stdout": closed, "stderr": subprocess.PIPE}
+        process = subprocess.run(words, text=True, check=False, **pipes)
     assert (process.returncode, process.stderr) == (1, "")

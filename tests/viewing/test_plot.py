@@ -1,6 +1,5 @@
 """Pictures: the drawn values equal the computed ones. Skips without matplotlib."""
 
-import subprocess
 import sys
 
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 from mograft import Config, Library, graft, kinetic_energy, segment, write_bvh
 from mograft.body.mass import mass_model
 from mograft.cli.syntax.commands import PLOT_KINDS
+from tests.running import run_python
 
 matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed")
 matplotlib.use("agg")
@@ -156,10 +156,7 @@ def test_plot_command_same_input_gives_same_bytes(motion, tmp_path, succeed, end
 
 def test_import_without_matplotlib_succeeds():
     code = "import sys, mograft.viewing.plot, mograft.cli; print('matplotlib' in sys.modules)"
-    completed = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    )
-    assert completed.stdout.strip() == "False"
+    assert run_python(code).strip() == "False"
 
 
 def test_plots_missing_matplotlib_names_extra(motion, tmp_path, monkeypatch, fail):
