@@ -40,10 +40,8 @@ class Windows:
     def concatenate(cls, parts: Sequence["Windows"]) -> "Windows":
         """Concatenate one or more collections of windows, in their order."""
         columns = zip(*(part.blocks for part in parts), strict=True)
-        return cls(
-            tuple(np.concatenate(column) for column in columns),
-            np.concatenate([part.magnitudes for part in parts]),
-        )
+        blocks = tuple(np.concatenate(column) for column in columns)
+        return cls(blocks, np.concatenate([part.magnitudes for part in parts]))
 
 
 def window_reach(place: Place, rate: float) -> int:
@@ -65,10 +63,8 @@ def extract_windows(tracks: body_tracks.BodyTracks, centers: IntArray, place: Pl
     """
     half, stride = HALF_WINDOW[place], tracks.stride
     wide = np.linspace(-half, half, _POSITIONS).round().astype(np.int64)
-    near, peak = (np.arange(-n, n + 1) for n in (_NEAR, _PEAK))
-    at_wide, at_near, at_peak = (
-        centers[:, None] + offsets * stride for offsets in (wide, near, peak)
-    )
+    offsets = (wide, *(np.arange(-n, n + 1) for n in (_NEAR, _PEAK)))
+    at_wide, at_near, at_peak = (centers[:, None] + own * stride for own in offsets)
 
     def flat(track: FloatArray, frames: IntArray) -> FloatArray:
         turned = tracks.facing_forward(track[frames], centers)
@@ -82,16 +78,9 @@ def extract_windows(tracks: body_tracks.BodyTracks, centers: IntArray, place: Pl
         magnitudes += [sizes[at_peak].max(axis=1), np.sqrt(mean_squares)]
     root = tracks.root_velocity[centers]
     level = tracks.facing_forward(root[:, :3], centers)
-    return Windows(
-        blocks=(
-            flat(tracks.points, at_wide),
-            flat(derivatives[0], at_near),
-            flat(derivatives[1], at_near),
-        ),
-        magnitudes=np.concatenate(
-            [np.log(np.concatenate(magnitudes, axis=1) + _LOG_OFFSET), level, root[:, 3:]], axis=1
-        ),
-    )
+    blocks = (flat(tracks.points, at_wide), *(flat(own, at_near) for own in derivatives[:2]))
+    logs = np.log(np.concatenate(magnitudes, axis=1) + _LOG_OFFSET)
+    return Windows(blocks, np.concatenate([logs, level, root[:, 3:]], axis=1))
 
 
 @dataclass(frozen=True, eq=False)
