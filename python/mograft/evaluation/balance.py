@@ -6,6 +6,7 @@ It shows whether grafts are less balanced than the recordings that they were mad
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal, Self
 
 import numpy as np
@@ -103,9 +104,7 @@ def static_balance(
     ValueError
         If `support` has another number of frames than `motion`.
     """
-    if support is None:
-        support = support_polygon.support_polygons(motion, floor_reference=floor_reference)
-    return _balance_of_points("static", motion, support, center_of_mass(motion), support.sizes > 0)
+    return _measure("static", motion, support, floor_reference)
 
 
 def dynamic_balance(
@@ -146,22 +145,7 @@ def dynamic_balance(
     Savitzky-Golay filter over 0.2 s smooths the centre of mass. Gravity is converted to the unit
     of the file by the assumption that the skeleton is 1.75 m tall.
     """
-    if support is None:
-        support = support_polygon.support_polygons(motion, floor_reference=floor_reference)
-    window = max(2 * round(_SMOOTHING_SECONDS * motion.rate / 2) + 1, 5)
-    if motion.n_frames < window:
-        raise InsufficientDataError(
-            f"dynamic balance needs at least {window} frames for derivatives, "
-            f"{motion.name or 'the motion'} has {motion.n_frames}"
-        )
-    savgol_filter = import_measure("scipy.signal").savgol_filter
-    center = center_of_mass(motion)
-    position = savgol_filter(center, window, 3, axis=0)
-    acceleration = savgol_filter(center, window, 3, deriv=2, delta=motion.frame_time, axis=0)
-    points, is_loaded = support_polygon.zero_moment_points(
-        position, acceleration, support.up, support.floor, support.height
-    )
-    return _balance_of_points("dynamic", motion, support, points, is_loaded & (support.sizes > 0))
+    return _measure("dynamic", motion, support, floor_reference)
 
 
 BALANCES = {"static": static_balance, "dynamic": dynamic_balance}
@@ -183,25 +167,41 @@ def _has_base_legs(graft: Graft) -> bool:
     )
 
 
-def _balance_of_points(
+def _measure(
     kind: Literal["static", "dynamic"],
     motion: Motion,
-    support: support_polygon.Support,
-    points: FloatArray,
-    grounded: BoolArray,
+    support: support_polygon.Support | None,
+    floor_reference: Motion | None,
 ) -> Balance:
-    if len(support.sizes) != motion.n_frames:
-        raise ValueError(
-            f"`support` must have {motion.n_frames} frames, as the motion has, "
-            f"got {len(support.sizes)}"
-        )
-    distances = support_polygon.signed_distance(
-        support.polygons, support.sizes, points[:, support.axes]
-    )
-    distances /= support.height
-    distances = np.where(support.sizes < 3, distances - _DEGENERATE_MARGIN, distances)
+    if support is None:
+        support = support_polygon.support_polygons(motion, floor_reference=floor_reference)
+    sizes, n = support.sizes, motion.n_frames
+    if len(sizes) != n:
+        raise ValueError(f"`support` must have {n} frames, as the motion has, got {len(sizes)}")
+    points, grounded = center_of_mass(motion), sizes > 0
+    if kind == "dynamic":
+        points, is_loaded = _zero_moment_points(motion, points, support)
+        grounded &= is_loaded
+    distances = support_polygon.signed_distance(support.polygons, sizes, points[:, support.axes])
+    distances = distances / support.height - np.where(sizes < 3, _DEGENERATE_MARGIN, 0.0)
     distances = np.where(grounded, distances, np.nan)
     return Balance(kind, distances, grounded, mass_model(motion.skeleton).model)
+
+
+def _zero_moment_points(
+    motion: Motion, center: FloatArray, support: support_polygon.Support
+) -> tuple[FloatArray, BoolArray]:
+    window = max(2 * round(_SMOOTHING_SECONDS * motion.rate / 2) + 1, 5)
+    if motion.n_frames < window:
+        raise InsufficientDataError(
+            f"dynamic balance needs at least {window} frames for derivatives, "
+            f"{motion.name or 'the motion'} has {motion.n_frames}"
+        )
+    smooth = partial(import_measure("scipy.signal").savgol_filter, center, window, 3, axis=0)
+    acceleration = smooth(deriv=2, delta=motion.frame_time)
+    return support_polygon.zero_moment_points(
+        smooth(), acceleration, support.up, support.floor, support.height
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,16 +321,14 @@ def balance_row(method: str, samples: Sequence[BalanceSample]) -> BalanceRow:
     changed = np.where(np.concatenate([own.changed for own in samples], axis=1), values, np.nan)
     lengths = [len(sample.cut) for sample in samples]
     blocks = estimate.segment_blocks(np.repeat(np.arange(len(samples)), lengths))
-
-    def average(rows: FloatArray, unit: str) -> Estimate:
-        return estimate.block_mean(rows.ravel(), np.broadcast_to(blocks, rows.shape).ravel(), unit)
-
-    rates = {
-        "rate": average(values, "segments times runs"),
-        "rate_changed": average(changed, "changed segments"),
-        "difference_changed": average(
-            changed - before, "changed segments, paired with the recording"
-        ),
-    }
-    kind, flight = samples[0].original.kind, float(1.0 - is_grounded.mean())
-    return BalanceRow(kind=kind, method=method, flight=flight, runs=len(values), **rates)
+    all_blocks = np.tile(blocks, len(values))
+    paired = "changed segments, paired with the recording"
+    return BalanceRow(
+        kind=samples[0].original.kind,
+        method=method,
+        rate=estimate.block_mean(values.ravel(), all_blocks, "segments times runs"),
+        rate_changed=estimate.block_mean(changed.ravel(), all_blocks, "changed segments"),
+        difference_changed=estimate.block_mean((changed - before).ravel(), all_blocks, paired),
+        flight=float(1.0 - is_grounded.mean()),
+        runs=len(values),
+    )

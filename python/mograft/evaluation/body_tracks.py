@@ -107,11 +107,8 @@ class BodyTracks:
         above_hips = anatomy(motion.skeleton).joints("other")
         joints = feature_joints(motion.skeleton, np.arange(motion.n_joints))
         points = bone_ends(motion, joints[~np.isin(joints, above_hips)])
-        first, second = horizontal_axes(ground.up)
-        up = int(np.flatnonzero(ground.up)[0])
-        frame = np.zeros((3, 3))
-        frame[first, 0] = frame[second, 1] = 1.0
-        frame[up, 2] = ground.up[up]
+        horizontal = np.eye(3)[list(horizontal_axes(ground.up))]
+        frame = np.column_stack([*horizontal, ground.up])
         facing = facing_directions(motion, ground) @ frame
         model = mass_model(motion.skeleton)
         hips = motion.world_positions()[:, model.hips] / model.height

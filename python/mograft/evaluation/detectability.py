@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from mograft._util.validate import as_integer
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
 from mograft.evaluation.body_tracks import FrameBlocks
-from mograft.evaluation.estimate import Estimate, Record, import_measure
+from mograft.evaluation.estimate import Estimate, MethodRecord, Record, import_measure
 from mograft.evaluation.windows import GraftWindows, Pairs, Windows
 from mograft.synthesis.graft_result import Graft
 
@@ -42,7 +41,7 @@ class Detection(Record):
 
 
 @dataclass(frozen=True)
-class Detectability(Record):
+class Detectability(MethodRecord):
     """How well classifiers distinguish the grafts of one method from captured motion.
 
     Two null comparisons state what the classifiers reach on captured motion alone.
@@ -67,8 +66,6 @@ class Detectability(Record):
         that of the first group that is exchanged at this centre.
     """
 
-    method: str
-    runs: int
     seams: Detection
     between_seams: Detection
     other_moments: Detection
@@ -224,39 +221,32 @@ def detect(pairs_of_split: Sequence[Pairs], folds: Sequence[IntArray], seed: int
     n = len(np.unique(np.concatenate([found.rows for found in tested])))
     sizes = np.array([len(found.rows) for found in tested], np.float64)
 
-    def mean_auc(multiplicities: FloatArray, which: int) -> FloatArray:
-        """Return the mean AUC over the folds for each bootstrap sample, shape (n,).
-
-        `multiplicities`, shape (n, n_blocks), is the number of times that each sample contains each
-        block. Folds are weighted by their number of windows. `which` is 0 for the gross classifier,
-        1 for the fine one.
-        """
-        values = np.stack(
-            [
-                weighted_auc(
-                    found.scores[which],
-                    found.is_new,
-                    found.weight * multiplicities[:, np.searchsorted(blocks, found.block)],
-                )
-                for found in tested
-            ],
-            axis=1,
-        )
-        shares = np.where(np.isfinite(values), sizes, 0.0)
-        return (np.nan_to_num(values) * shares).sum(axis=1) / shares.sum(axis=1)
-
     def to_estimate(which: int) -> Estimate:
-        auc = partial(mean_auc, which=which)
-        value, unit = float(auc(np.ones((1, len(blocks))))[0]), "windows"
-        return estimate.bootstrap_estimate(value, auc, len(blocks), n=n, unit=unit, seed=seed)
+        """Return the AUC of the gross classifier for 0, or of the fine one for 1."""
+
+        def mean_auc(multiplicities: FloatArray) -> FloatArray:
+            """Return the mean AUC over the folds for each bootstrap sample, shape (n,).
+
+            `multiplicities`, shape (n, n_blocks), is the number of times that each sample contains
+            each block. Folds are weighted by their number of windows.
+            """
+            columns = []
+            for own in tested:
+                weights = own.weight * multiplicities[:, np.searchsorted(blocks, own.block)]
+                columns.append(weighted_auc(own.scores[which], own.is_new, weights))
+            values = np.stack(columns, axis=1)
+            shares = np.where(np.isfinite(values), sizes, 0.0)
+            return (np.nan_to_num(values) * shares).sum(axis=1) / shares.sum(axis=1)
+
+        value, unit = float(mean_auc(np.ones((1, len(blocks))))[0]), "windows"
+        return estimate.bootstrap_estimate(value, mean_auc, len(blocks), n=n, unit=unit, seed=seed)
 
     return Detection(gross=to_estimate(0), fine=to_estimate(1))
 
 
 def empty_detection() -> Detection:
     """Return a detection without values."""
-    none = Estimate.without_value(0, "windows", "block bootstrap")
-    return Detection(gross=none, fine=none)
+    return Detection(*[Estimate.without_value(0, "windows", "block bootstrap")] * 2)
 
 
 def score_fold(pairs: Pairs, fold_of_block: IntArray, fold: int) -> TestedFold | None:

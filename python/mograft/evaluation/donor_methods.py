@@ -155,11 +155,8 @@ def draw_donors(
     plan = GraftPlan.build(library, base, swap, ())
     problem = plan.problem
     candidates = method.candidates(problem.library, problem.scenario)
-    problem = replace(
-        problem,
-        candidates=dict.fromkeys(problem.pools, candidates),
-        config=replace(problem.config, self_repair=False),
-    )
+    found, config = dict.fromkeys(problem.pools, candidates), problem.config
+    problem = replace(problem, candidates=found, config=replace(config, self_repair=False))
     plan = replace(plan, problem=problem)
     if method.uses_cost:
         return plan, plan.choose_donors(count, seed)
@@ -185,20 +182,17 @@ def _draw_sequences(
     than 100 candidates, each sequence is drawn from 100 random ones of them.
     """
     if not method.has_seam_limit:
-        return [
-            np.array([rng.choice(segments) for segments in candidates], np.int64)
-            for _ in range(count)
-        ]
+        return [np.array(list(map(rng.choice, candidates)), np.int64) for _ in range(count)]
     if max(map(len, candidates), default=0) <= _MAX_DRAWN:
         pruned = prune_dead_ends(pool, candidates, config)
         return [draw_uniform(*pruned, config, rng) for _ in range(count)]
-    sequences = []
-    for _ in range(count):
-        limited = [
-            segments
-            if len(segments) <= _MAX_DRAWN
-            else np.sort(rng.choice(segments, _MAX_DRAWN, replace=False))
-            for segments in candidates
-        ]
-        sequences.append(draw_uniform(*prune_dead_ends(pool, limited, config), config, rng))
-    return sequences
+
+    def limit(segments: IntArray) -> IntArray:
+        is_short = len(segments) <= _MAX_DRAWN
+        return segments if is_short else np.sort(rng.choice(segments, _MAX_DRAWN, replace=False))
+
+    def draw() -> IntArray:
+        pruned = prune_dead_ends(pool, list(map(limit, candidates)), config)
+        return draw_uniform(*pruned, config, rng)
+
+    return [draw() for _ in range(count)]

@@ -105,6 +105,22 @@ class Estimate(Record):
         }
 
 
+@dataclass(frozen=True)
+class MethodRecord(Record):
+    """Base class of the measures of the grafts of one method.
+
+    Attributes
+    ----------
+    method : str
+        Name of the method that selected the donors.
+    runs : int
+        Number of grafts for each base.
+    """
+
+    method: str
+    runs: int
+
+
 def segment_blocks(clip: IntArray, size: int = BLOCK_SEGMENTS) -> IntArray:
     """Return the block of each segment; the bootstrap resamples whole blocks.
 

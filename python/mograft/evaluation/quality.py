@@ -14,7 +14,7 @@ from mograft._util.arrays import FloatArray, IntArray
 from mograft.body.anatomy import feature_joints
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import estimate
-from mograft.evaluation.estimate import Estimate, Record
+from mograft.evaluation.estimate import Estimate, MethodRecord
 from mograft.motion import rotations
 from mograft.motion.motion import Motion
 from mograft.synthesis.graft_result import Graft
@@ -24,7 +24,7 @@ _MAX_BLOCKS_PER_BASE = 100_000
 
 
 @dataclass(frozen=True)
-class Quality(Record):
+class Quality(MethodRecord):
     """Measures of the grafts of one method.
 
     Attributes
@@ -44,8 +44,6 @@ class Quality(Record):
         Mean joint angle between two grafts at the same time, in degrees.
     """
 
-    method: str
-    runs: int
     new_segments: Estimate
     seam_gap: Estimate
     acceleration: Estimate
@@ -130,7 +128,7 @@ def quality(method: str, grafts: Sequence[Sequence[Graft]], seed: int = 0) -> Qu
 
     means = {"new_segments": average(parts, "parts"), "seam_gap": average(seams, "seams")}
     for name, values in zip(("acceleration", "jerk"), zip(*ratios, strict=True), strict=True):
-        means[name] = average([(value, block) for block, value in enumerate(values)], "grafts")
+        means[name] = estimate.block_mean(values, range(len(values)), "grafts", seed)
     means["diversity"] = average(frames, "frames")
     return Quality(method=method, runs=len(grafts[0]), **means)
 

@@ -45,8 +45,7 @@ def robot_checks(motion: Motion, floor_reference: Motion | None = None) -> dict[
     if motion.n_frames > 2:
         speeds = np.gradient(angles, axis=0) * rate
         rates = np.gradient(speeds, axis=0) * rate
-    if motion.n_frames > 2 and floor.limbs:
-        outside = _share_outside(motion, hinges, poses, floor_reference)
+        outside = _share_outside(motion, hinges, poses, floor_reference) if floor.limbs else 0.0
     contact, _ = AvoidSelf(tolerance=1.0).errors(poses)
     depths = -floor.above(floor.points(motion))
     values = (

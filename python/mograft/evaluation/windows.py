@@ -174,17 +174,12 @@ class GraftWindows:
     def _pair(self, new: Windows, donor_blocks: Sequence[IntArray]) -> Pairs:
         clips = body_tracks.clip_indices(self.library)
         base_clips = np.array([clips[graft.base.name] for graft in self.grafts])[self.graft]
-        base, row = np.unique(
-            np.stack([base_clips, self.center], axis=1), axis=0, return_inverse=True
-        )
-        block = self.frames.block[self.frames.offsets[base[:, 0]] + base[:, 1]]
-        row = row.reshape(-1)
-        used = tuple(
-            np.union1d(several, block[own])
-            for several, own in zip(donor_blocks, row.tolist(), strict=True)
-        )
-        captured = self._extract(self.library.clips, base[:, 0], base[:, 1])
-        return Pairs(captured, new, row, block, used)
+        places = np.stack([base_clips, self.center], axis=1)
+        base, row = np.unique(places, axis=0, return_inverse=True)
+        (clip, frame), row = base.T, row.reshape(-1)
+        block = self.frames.block[self.frames.offsets[clip] + frame]
+        used = tuple(map(np.union1d, donor_blocks, block[row]))
+        return Pairs(self._extract(self.library.clips, clip, frame), new, row, block, used)
 
     def _extract(self, motions: Sequence[Motion], index: IntArray, frame: IntArray) -> Windows:
         """Return the windows around the frames `frame` of the motions that have the given indices.

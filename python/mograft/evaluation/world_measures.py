@@ -21,7 +21,7 @@ from mograft.body.support_polygon import Support, support_polygons
 from mograft.errors import InsufficientDataError
 from mograft.evaluation import body_tracks, estimate
 from mograft.evaluation.balance import Balance, dynamic_balance, graft_balance
-from mograft.evaluation.estimate import Estimate, Record
+from mograft.evaluation.estimate import Estimate, MethodRecord, Record
 from mograft.evaluation.novelty import Novelty, novelty
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
@@ -130,7 +130,7 @@ def world_measures(graft: Graft) -> WorldMeasures:
 
 
 @dataclass(frozen=True)
-class WorldQuality(Record):
+class WorldQuality(MethodRecord):
     """World-space measures of the grafts of one method; see `WorldMeasures` for each.
 
     Attributes
@@ -148,8 +148,6 @@ class WorldQuality(Record):
         Novelty, coverage and diversity.
     """
 
-    method: str
-    runs: int
     head_jerk: Estimate
     chest_jerk: Estimate
     hands_jerk: Estimate
