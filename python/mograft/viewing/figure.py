@@ -1,5 +1,6 @@
 """Figures on a page: motions with joint groups and segments, also of grafts in files."""
 
+import math
 import shlex
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -98,13 +99,12 @@ class Figure:
         `parents` holds the parent of each node: of the joints, then of the end sites. An end site
         belongs to the group of its parent.
         """
-        groups = [0] * len(parents)
+        groups = np.zeros(len(parents), np.int64)
         for index, joints in enumerate(self.members.values()):
-            for joint in joints.tolist():
-                groups[joint] = index
-        for node in range(self.motion.n_joints, len(parents)):
-            groups[node] = groups[max(parents[node], 0)]
-        return groups
+            groups[joints] = index
+        sites = slice(self.motion.n_joints, None)
+        groups[sites] = groups[np.maximum(np.array(parents, np.int64), 0)[sites]]
+        return groups.tolist()
 
 
 class ShownConstraint(NamedTuple):
@@ -130,10 +130,6 @@ def _list_candidates(graft: Graft, group: str, max_count: int) -> dict[str, list
     found = [candidates(graft.library, segment, group).allowed for segment in segments]
     pairs = zip(segments, found, strict=True)
     listed = [(segment, own) for segment, allowed in pairs for own in allowed[:_MAX_LISTED]]
-    before, after = (
-        np.degrees([getattr(own, name) for _, own in listed]).tolist()
-        for name in ("gap_before", "gap_after")
-    )
     table: dict[str, list[Any]] = {
         "counts": [min(len(allowed), _MAX_LISTED) for allowed in found],
         "total": [len(allowed) for allowed in found],
@@ -143,8 +139,8 @@ def _list_candidates(graft: Graft, group: str, max_count: int) -> dict[str, list
         "own": [int(own.segment == segment) for segment, own in listed],
         "cost": [round(own.cost, 4) for _, own in listed],
         "stretch": [round(own.stretch, 4) for _, own in listed],
-        "before": [round(angle, 4) for angle in before],
-        "after": [round(angle, 4) for angle in after],
+        "before": [round(math.degrees(own.gap_before), 4) for _, own in listed],
+        "after": [round(math.degrees(own.gap_after), 4) for _, own in listed],
     }
     if graft.scenario:
         table |= {key: [None] * len(listed) for key in ("cost", "stretch", "before", "after")}

@@ -67,8 +67,7 @@ class DrawnSkeleton:
         ends = [(site.parent, site.offset) for site in skeleton.end_sites]
         top = _head_without_end(motion)
         if top is not None:
-            parents.append(top)
-            ends.append((top, mass.bone[top]))
+            parents, ends = [*parents, top], [*ends, (top, mass.bone[top])]
         root = motion.locomotion_root()
         return cls(
             motion=motion,
@@ -96,9 +95,7 @@ class DrawnSkeleton:
         """Yield the positions of the nodes in consecutive ranges of frames."""
         is_drawn, hips = _drawn_nodes(self.parents), anatomy(self.motion.skeleton).hips
         for _, turns, joints in self.motion.world_blocks():
-            sites = [
-                joints[:, own] + rotations.rotate(turns[:, own], end) for own, end in self.ends
-            ]
+            sites = (joints[:, j] + rotations.rotate(turns[:, j], end) for j, end in self.ends)
             positions = np.concatenate([joints, *(site[:, None] for site in sites)], axis=1)
             positions[:, ~is_drawn] = joints[:, [hips]]
             yield positions @ self.to_y_up.T
@@ -117,10 +114,8 @@ def node_parents(motion: Motion) -> list[int]:
 
 def _drawn_nodes(parents: list[int]) -> BoolArray:
     """Return whether each node is an end of a bone."""
-    bones = [(node, parent) for node, parent in enumerate(parents) if parent >= 0]
-    is_drawn = np.zeros(len(parents), bool)
-    is_drawn[[end for bone in bones for end in bone]] = True
-    return is_drawn
+    ends = {end for bone in enumerate(parents) if bone[1] >= 0 for end in bone}
+    return np.isin(np.arange(len(parents)), list(ends))
 
 
 def _head_without_end(motion: Motion) -> int | None:

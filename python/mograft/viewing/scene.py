@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain, count
 from pathlib import Path
@@ -115,10 +116,10 @@ Item = Motion | Graft | Library | Scene | str | os.PathLike[str]
 class _Builder:
     """The figures and constraints of a scene, collected item by item."""
 
-    groups: JointGroups | str | None
-    libraries: Sequence[Library]
-    config: Config | None
-    skeleton: Skeleton | None
+    groups: JointGroups | str | None = None
+    libraries: Sequence[Library] = ()
+    config: Config | None = None
+    skeleton: Skeleton | None = None
     figures: list[Figure] = field(default_factory=list)
     constraints: list[ShownConstraint] = field(default_factory=list)
     tables: dict[tuple[int, ...], CandidateTable] = field(default_factory=dict)
@@ -137,7 +138,7 @@ class _Builder:
             for clip in item.clips:
                 self._add_figure(clip_figure(item, clip))
         elif isinstance(item, Motion):
-            self._add_figure(_motion_figure(item, self.groups, self.libraries, self.config))
+            self._add_figure(self.motion_figure(item))
         elif isinstance(item, Scene):
             for figure in item.figures:
                 self._add_figure(figure)
@@ -160,7 +161,7 @@ class _Builder:
         figure, record = recorded
         base = recorded_base(motion, record, self.skeleton)
         if base is not None:
-            shown = _motion_figure(base, None, (), record.config)
+            shown = _Builder(config=record.config).motion_figure(base)
             self._add_figure(replace(shown, members=figure.members))
         self._add_figure(figure)
         self._add_constraints(recorded_constraints(record), motion)
@@ -189,6 +190,32 @@ class _Builder:
         name = next(name for name in names if name not in taken)
         self.figures.append(replace(new, name=name))
 
+    def motion_figure(self, motion: Motion) -> Figure:
+        """Return the figure of a motion; if a library has the motion, that of the clip."""
+        for library in self.libraries:
+            for clip in library.clips:
+                if _is_same(clip, motion):
+                    return clip_figure(library, clip)
+        rows: tuple[TimelineRow, ...] = ()
+        if motion.n_frames >= 2:
+            found = segment(motion, self.config)
+            unclustered = np.full(len(found), -1)
+            rows = (TimelineRow.of_clip("segments", found.start, found.stop, unclustered),)
+        return Figure(motion, motion.name, self._members(motion.skeleton), rows)
+
+    def _members(self, skeleton: Skeleton) -> dict[str, IntArray]:
+        groups = self.groups
+        if isinstance(groups, str):
+            groups = JointGroups.preset(groups, skeleton)
+        fitting = (own.groups for own in self.libraries if own.skeleton.names == skeleton.names)
+        groups = next(fitting, None) if groups is None else groups
+        if groups is not None:
+            return groups.resolve(skeleton)
+        for preset in _PRESETS:
+            with suppress(ValueError):
+                return JointGroups.preset(preset, skeleton).resolve(skeleton)
+        return {"body": np.arange(skeleton.n_joints)}
+
 
 def _is_same(a: Motion, b: Motion) -> bool:
     return a is b or (
@@ -201,45 +228,9 @@ def _is_same(a: Motion, b: Motion) -> bool:
     )
 
 
-def _motion_figure(
-    motion: Motion,
-    groups: JointGroups | str | None,
-    libraries: Sequence[Library],
-    config: Config | None,
-) -> Figure:
-    for library in libraries:
-        for clip in library.clips:
-            if _is_same(clip, motion):
-                return clip_figure(library, clip)
-    rows: tuple[TimelineRow, ...] = ()
-    if motion.n_frames >= 2:
-        found = segment(motion, config)
-        unclustered = np.full(len(found), -1)
-        rows = (TimelineRow.of_clip("segments", found.start, found.stop, unclustered),)
-    return Figure(motion, motion.name, _members(motion.skeleton, groups, libraries), rows)
-
-
-def _members(
-    skeleton: Skeleton, groups: JointGroups | str | None, libraries: Sequence[Library]
-) -> dict[str, IntArray]:
-    if isinstance(groups, str):
-        groups = JointGroups.preset(groups, skeleton)
-    if groups is not None:
-        return groups.resolve(skeleton)
-    for library in libraries:
-        if library.skeleton.names == skeleton.names:
-            return library.groups.resolve(skeleton)
-    for preset in _PRESETS:
-        try:
-            return JointGroups.preset(preset, skeleton).resolve(skeleton)
-        except ValueError:
-            continue
-    return {"body": np.arange(skeleton.n_joints)}
-
-
 def motion_figure(motion: Motion, library: Library) -> Figure:
     """Return the figure of a motion, which has the skeleton of a library, with its groups."""
-    return _motion_figure(motion, library.groups, (), library.config)
+    return _Builder(library.groups, config=library.config).motion_figure(motion)
 
 
 def clip_figure(library: Library, clip: Motion | str) -> Figure:
@@ -258,15 +249,15 @@ def clip_figure(library: Library, clip: Motion | str) -> Figure:
 def graft_figure(graft: Graft, candidates: CandidateTable | None = None) -> Figure:
     """Return the figure of a graft."""
     groups = dict.fromkeys(s.group for s in graft.substitutions)
-    members = graft.library.groups.resolve(graft.motion.skeleton)
-    rows = tuple(_graft_row(graft, group) for group in groups)
-    library = graft.library
-
-    def clip_of(name: str) -> Motion:
-        return library.clips[library.names.index(name)]
-
-    name = graft.motion.name
-    return Figure(graft.motion, name, members, rows, candidates=candidates, clip_of=clip_of)
+    motion, library = graft.motion, graft.library
+    return Figure(
+        motion,
+        motion.name,
+        library.groups.resolve(motion.skeleton),
+        tuple(_graft_row(graft, group) for group in groups),
+        candidates=candidates,
+        clip_of=lambda name: library.clips[library.names.index(name)],
+    )
 
 
 def _graft_row(graft: Graft, group: str) -> TimelineRow:
