@@ -56,7 +56,7 @@ def read_character(path: Path, skeleton: Skeleton) -> dict[str, Any] | None:
     skins = {own["skin"] for own in meshes.values() if "skin" in own}
     if len(skins) > 1:
         container.fail("skins", f"the mesh has {len(skins)} skins, expected one")
-    world, data = _world_matrices(file.tree), _Arrays()
+    world, texts, n_triangles = _world_matrices(file.tree), list[str](), 0
     spread = np.diag([scale, scale, scale, 1.0])
     bound = np.tile(np.eye(4), (skeleton.n_joints, 1, 1))
     members: list[int] = []
@@ -84,37 +84,28 @@ def read_character(path: Path, skeleton: Skeleton) -> dict[str, Any] | None:
                 arrays = _attach(arrays, spread @ place, _row(file, joint))
             else:
                 arrays["skinIndex"] = rows[arrays["skinIndex"]].astype("<u2")
-            parts.append(
-                {
-                    "attributes": {name: data.add(array) for name, array in arrays.items()},
-                    "material": _read_material(container, primitive.get("material")),
-                    "isRigid": rows is None,
-                }
-            )
-    if (n := data.n_triangles) > MAX_TRIANGLES:
-        container.fail("meshes", f"{n} triangles exceed {MAX_TRIANGLES}; reduce the mesh")
+            n_triangles += len(arrays["index"]) // 3
+            attributes = {name: _compress(array, texts) for name, array in arrays.items()}
+            material = _read_material(container, primitive.get("material"))
+            parts.append({"attributes": attributes, "material": material, "isRigid": rows is None})
+    if n_triangles > MAX_TRIANGLES:
+        limit = f"{n_triangles} triangles exceed {MAX_TRIANGLES}"
+        container.fail("meshes", f"{limit}; reduce the mesh")
     textures = [_read_texture(container, index) for index in range(len(_textures(container)))]
-    size = sum(map(len, data.texts)) + sum(len(own["data"]) for own in textures)
+    size = sum(map(len, texts)) + sum(len(own["data"]) for own in textures)
     if size > MAX_BYTES:
         remedy = "reduce the mesh or its textures"
         container.fail("meshes", f"{size / 1e6:.1f} MB exceed {MAX_BYTES / 1e6:.0f} MB; {remedy}")
     columns = np.round(bound.transpose(0, 2, 1).reshape(-1, 16), 9).tolist()
-    return {"inverses": columns, "parts": parts, "arrays": data.texts, "textures": textures}
+    return {"inverses": columns, "parts": parts, "arrays": texts, "textures": textures}
 
 
-class _Arrays:
-    """Compressed arrays of vertices and triangles."""
-
-    def __init__(self) -> None:
-        self.texts: list[str] = []
-        self.n_triangles = 0
-
-    def add(self, array: npt.NDArray[Any]) -> dict[str, Any]:
-        self.n_triangles += len(array) // 3 if array.ndim == 1 else 0
-        packed = zlib.compress(np.ascontiguousarray(array).tobytes(), 9)
-        self.texts.append(base64.b64encode(packed).decode("ascii"))
-        width = 1 if array.ndim == 1 else array.shape[1]
-        return {"type": array.dtype.str[1:], "width": width, "key": len(self.texts) - 1}
+def _compress(array: npt.NDArray[Any], texts: list[str]) -> dict[str, Any]:
+    """Append the compressed array of vertices or triangles to `texts`; return its description."""
+    packed = zlib.compress(np.ascontiguousarray(array).tobytes(), 9)
+    texts.append(base64.b64encode(packed).decode("ascii"))
+    width = 1 if array.ndim == 1 else array.shape[1]
+    return {"type": array.dtype.str[1:], "width": width, "key": len(texts) - 1}
 
 
 def _row(file: GltfFile, node: int) -> int:

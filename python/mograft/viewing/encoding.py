@@ -395,8 +395,7 @@ def _encode_obstacle(obstacle: Obstacle, to_page: FloatArray) -> dict[str, Any] 
     def place(center: npt.ArrayLike, turn: FloatArray | None = None) -> dict[str, list[float]]:
         found = {"center": _numbers(to_page @ np.asarray(center, float))}
         if turn is not None:
-            turned = rotations.multiply(rotations.from_matrices(to_page), turn)
-            found["turn"] = _numbers(turned)
+            found["turn"] = _numbers(rotations.multiply(rotations.from_matrices(to_page), turn))
         return found
 
     if isinstance(obstacle, Sphere):

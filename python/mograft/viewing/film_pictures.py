@@ -60,10 +60,8 @@ def draw_pictures(
     colours = {name: pair[int(dark)] for name, pair in _COLOURS.items()}
     width, height = size
     edges = np.linspace(0, width, len(motions) + 1).round().astype(int).tolist()
-    panels = [
-        _Panel(motion, (max(right - left, 1), height), groups, colours)
-        for motion, left, right in zip(motions, edges, edges[1:], strict=False)
-    ]
+    sizes = [(max(width, 1), height) for width in np.diff(edges).tolist()]
+    panels = [_Panel(*own, groups, colours) for own in zip(motions, sizes, strict=True)]
     font = ImageFont.load_default(max(height // 30, 10))
     corner = (width - height // 40, height - height // 40)
     n_frames = max(motion.n_frames for motion in motions)
@@ -103,13 +101,10 @@ class _Panel:
         # A bone has the colour of the joint that moves it.
         self.bone_colours = [PALETTE[group[p] % len(PALETTE)] for p in self.bones[:, 0]]
         path = self.positions[:, drawn.root][:, [0, 2]]
-        frames = _CAMERA_SMOOTHING_SECONDS * motion.rate
-        self.focus = gaussian_filter_columns(path, frames)
-        self.camera = Camera(
-            front_yaw(motion.skeleton, self.positions[0]) + np.radians(_CAMERA_YAW_DEGREES),
-            np.radians(_CAMERA_TILT_DEGREES),
-            _CAMERA_DISTANCE,
-        )
+        self.focus = gaussian_filter_columns(path, _CAMERA_SMOOTHING_SECONDS * motion.rate)
+        beside, tilt = np.radians([_CAMERA_YAW_DEGREES, _CAMERA_TILT_DEGREES])
+        front = front_yaw(motion.skeleton, self.positions[0])
+        self.camera = Camera(front + beside, tilt, _CAMERA_DISTANCE)
         # The figure is smaller in a narrow panel, so that its sides are visible.
         self.zoom = min(self.size[1] * 0.7, self.size[0] * 0.85)
 

@@ -53,11 +53,10 @@ def pca(library: Library, group: str | None = None, *, ax: "Axes | None" = None)
     axes.scatter(x[is_single], y[is_single], s=8, color="0.6", linewidths=0)
     colours = [cluster_colour(label) for label in labels[~is_single].tolist()]
     axes.scatter(x[~is_single], y[~is_single], s=14, c=colours, linewidths=0)
-    background = {"boxstyle": "round,pad=0.2", "fc": axes.get_facecolor(), "ec": "none"}
+    box = {"boxstyle": "round,pad=0.2", "fc": axes.get_facecolor(), "ec": "none", "alpha": 0.75}
     for label in np.argsort(-sizes, kind="stable")[:_MAX_NUMBERED_CLUSTERS].tolist():
         if sizes[label] > 1:
             middle = (np.median(x[labels == label]), np.median(y[labels == label]))
-            box = background | {"alpha": 0.75}
             axes.annotate(str(label), middle, fontsize=8, ha="center", va="center", bbox=box)
     share = embedding.variances / embedding.variances.sum()
     axes.set_xlabel(f"component 1 ({100 * share[0]:.0f} %)")
@@ -116,11 +115,8 @@ def dendrogram(library: Library, group: str | None = None, *, ax: "Axes | None" 
     for colour, lines in branches.items():
         axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.9))
     axes.axhline(threshold, color=PALETTE[1], linewidth=1, linestyle="--")
-    axes.set_xlim(-1, len(points))
-    axes.set_ylim(0, 1.05 * float(tree[-1, 2]))
-    axes.set_xticks([])
-    axes.set_xlabel(f"{len(points)} segments")
-    axes.set_ylabel("diameter")
+    axes.set(xlim=(-1, len(points)), ylim=(0, 1.05 * float(tree[-1, 2])), xticks=[])
+    axes.set(xlabel=f"{len(points)} segments", ylabel="diameter")
     n_clusters = int(labels.max()) + 1
     title = f"{name}: {n_clusters} clusters of diameter {threshold:.3g} at most"
     axes.set_title(title, loc="left", fontsize=10)

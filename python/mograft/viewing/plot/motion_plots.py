@@ -111,8 +111,8 @@ def strip(
     height = max(float(upright.max()), 0.5) + 0.3
     size = (max(1.1 * len(drawn), 3), max(1.1 * height / spacing, 1.0) + 0.2)
     axes = ensure_axes(ax, size)
-    group_of_node, names = figure.group_of_nodes(skeleton.parents), list(figure.members)
-    labels: dict[int, str | None] = dict(enumerate(names))
+    group_of_node = figure.group_of_nodes(skeleton.parents)
+    labels: dict[int, str | None] = dict(enumerate(figure.members))
     line: dict[str, Any] = {"linewidth": 2.2, "solid_capstyle": "round"}
     for pose, frame in enumerate(drawn.tolist()):
         for bone in bones:
@@ -177,10 +177,9 @@ def energy(
     axes.plot(time, smooth, color=PALETTE[0], linewidth=1.4, label="smoothed")
     x, y = time[bounds], smooth[bounds]
     axes.plot(x, y, ".", color=PALETTE[1], markersize=4, label="segment boundaries")
-    axes.set_xlim(first * motion.frame_time, last * motion.frame_time)
-    axes.set_ylim(0, 1.05 * max(float(values[first : last + 1].max()), 1e-9))
-    axes.set_xlabel("time (s)")
-    axes.set_ylabel("kinetic energy")
+    limits = (first * motion.frame_time, last * motion.frame_time)
+    top = 1.05 * max(float(values[first : last + 1].max()), 1e-9)
+    axes.set(xlim=limits, ylim=(0, top), xlabel="time (s)", ylabel="kinetic energy")
     axes.set_title(f"{motion.name or 'motion'}: {len(segments)} segments", loc="left", fontsize=10)
     axes.legend(loc="upper right", fontsize=8)
     return axes
@@ -227,12 +226,9 @@ def timeline(
         _draw_row(axes, row, height, (first, last), inches_per_frame)
     labels = [f"{figure.name} · {row.group}" for figure, row in lines]
     axes.set_yticks(range(len(lines)), labels, fontsize=8)
-    axes.set_ylim(len(lines) - 0.4, -0.6)
-    axes.set_xlim(first, last)
-    axes.set_xlabel("frame")
+    axes.set(xlim=(first, last), ylim=(len(lines) - 0.4, -0.6), xlabel="frame")
     axes.tick_params(axis="y", length=0)
-    for side in ("top", "left", "right"):
-        axes.spines[side].set_visible(False)
+    axes.spines[["top", "left", "right"]].set_visible(False)
     return axes
 
 
