@@ -30,17 +30,6 @@ def new(library):
     return graft(library, seed=3)
 
 
-def chest_joint(motion):
-    return landmarks(motion.skeleton)["chest"][0]
-
-
-def raise_root(motion, offsets):
-    """Return a motion whose root is moved up by an offset in every frame."""
-    positions = motion.positions.copy()
-    positions[:, 0, 1] += offsets
-    return replace(motion, positions=positions, channel_values=None)
-
-
 def test_world_measures_captured_motion_has_no_difference_and_is_within_ranges(library):
     for clip in library.clips:
         found = world_measures(grafts_by(Captured(), library, clip.name)[0])
@@ -69,7 +58,8 @@ def test_world_measures_ranges_are_quartiles_of_parts_and_the_whole_base(new):
 
 
 def test_world_measures_jitter_raises_jerk_above_its_range(new):
-    before, found = world_measures(new), world_measures(add_jitter(new, chest_joint(new.motion)))
+    (chest,) = landmarks(new.motion.skeleton)["chest"]
+    before, found = world_measures(new), world_measures(add_jitter(new, chest))
     assert found.head_jerk > 1.5 * before.head_jerk
     assert found.hands_jerk > 1.1 * before.hands_jerk
     assert found.floor_depth == before.floor_depth == 0
@@ -126,13 +116,13 @@ def test_jerk_cubic_path_is_its_third_derivative(coefficient, rate, seed):
 
 @given(SEEDS, st.floats(0.001, 0.2))
 @few_examples(20)
-def test_world_measures_lowered_frames_have_their_depth(new_clip, seed, depth):
-    captured, motion = new_clip
-    ground = Ground.of(motion)
+def test_world_measures_lowered_frames_have_their_depth(captured, seed, depth):
+    motion, ground = captured.motion, Ground.of(captured.motion)
     frame = int(np.random.default_rng(seed).integers(motion.n_frames))
-    offsets = np.zeros(motion.n_frames)
-    offsets[frame] = -depth * ground.height
-    found = world_measures(replace(captured, motion=raise_root(motion, offsets)))
+    positions = motion.positions.copy()
+    positions[frame, 0, 1] -= depth * ground.height
+    moved = replace(motion, positions=positions, channel_values=None)
+    found = world_measures(replace(captured, motion=moved))
     depths = -ground.above(ground.points(motion)) / ground.height
     lowered = depths[frame] + depth
     expected = max(depths.max(), lowered.max(), 0.0) - max(depths.max(), 0.0)
@@ -142,9 +132,8 @@ def test_world_measures_lowered_frames_have_their_depth(new_clip, seed, depth):
 
 
 @pytest.fixture(scope="module")
-def new_clip(library):
-    captured = grafts_by(Captured(), library)[0]
-    return captured, captured.motion
+def captured(library):
+    return grafts_by(Captured(), library)[0]
 
 
 def test_world_measures_transformed_recordings_give_same_measures(library, new):

@@ -1,5 +1,7 @@
 """Fixtures of pages and reports: the dancer, its library and a graft."""
 
+from dataclasses import replace
+
 import pytest
 
 from mograft import Library, graft
@@ -11,6 +13,12 @@ from tests.browser import chromium
 def motion():
     """The dancer, one bout of strides."""
     return dance(seed=1, strides=1).motion
+
+
+@pytest.fixture(scope="package")
+def takes():
+    """Two takes of 420 frames."""
+    return [replace(dance(seed=s, strides=1).motion[:420], name=f"take{s}") for s in range(2)]
 
 
 @pytest.fixture(scope="package")

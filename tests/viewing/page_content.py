@@ -64,23 +64,21 @@ def clip_positions(clip):
     places = np.broadcast_to(np.reshape(clip["offsets"], (n, 3)), (kept, n, 3)).copy()
     places[:, clip["moving"]] = moving
     world, positions = forward_kinematics(np.array(clip["parents"]), turns, places)
-    sites = [
-        positions[:, joint] + rotations.rotate(world[:, joint], np.array(offset))
-        for joint, *offset in clip["ends"]
-    ]
-    nodes = np.concatenate([positions, *(site[:, None] for site in sites)], axis=1)
+    nodes = _with_sites(world, positions, clip["ends"])
     turn = np.broadcast_to(clip["turn"], (*nodes.shape[:-1], 4))
     return rotations.rotate(turn, nodes) + clip["place"]
 
 
 def node_positions(motion):
     """Return the world positions of joints and end sites, shape (n_frames, n_nodes, 3)."""
-    turns, joints = motion.world_transforms()
-    sites = [
-        joints[:, s.parent] + rotations.rotate(turns[:, s.parent], s.offset)
-        for s in motion.skeleton.end_sites
-    ]
-    return np.concatenate([joints, *(s[:, None] for s in sites)], axis=1)
+    sites = [(site.parent, *site.offset) for site in motion.skeleton.end_sites]
+    return _with_sites(*motion.world_transforms(), sites)
+
+
+def _with_sites(turns, joints, ends):
+    """Return positions of joints, then of end sites: each a joint and an offset in `ends`."""
+    sites = [joints[:, j] + rotations.rotate(turns[:, j], np.array(own)) for j, *own in ends]
+    return np.concatenate([joints, *(site[:, None] for site in sites)], axis=1)
 
 
 def dequantize(units, pose):

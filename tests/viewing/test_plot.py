@@ -27,9 +27,8 @@ def test_strip_draws_every_bone_of_every_pose(motion, axes):
     assert plot.strip(motion, 7, groups="lower_upper", ax=axes) is axes
     n_bones = motion.n_joints - 1 + len(motion.skeleton.end_sites)
     bones = [line for line in axes.lines if len(line.get_xdata()) == 2][: 7 * n_bones]
-    assert [text.get_text() for text in axes.texts] == [
-        str(f) for f in np.linspace(0, motion.n_frames - 1, 7).round().astype(int)
-    ]
+    frames = np.linspace(0, motion.n_frames - 1, 7).round().astype(int)
+    assert [text.get_text() for text in axes.texts] == list(map(str, frames))
     # The vertical extent of the first pose equals that in the world.
     heights = np.array([line.get_ydata() for line in bones[:n_bones]])
     world = motion[:1].world_positions()[0, :, 1]
@@ -70,11 +69,8 @@ def test_pca_points_have_colour_of_cluster(library, axes):
 def test_timeline_exchanged_segments_are_hatched(library, axes):
     new = graft(library, seed=2)
     plot.timeline(new, frames=(0, 300), ax=axes)
-    assert [t.get_text() for t in axes.get_yticklabels()] == [
-        "dance · lower",
-        "dance · upper",
-        "dance_graft0 · upper",
-    ]
+    names = [t.get_text() for t in axes.get_yticklabels()]
+    assert names == ["dance · lower", "dance · upper", "dance_graft0 · upper"]
     shown = [s for s in new.substitutions if s.start < 300]
     hatched = [c for c in axes.collections if c.get_hatch()]
     assert len(hatched) == sum(not s.is_own for s in shown)
@@ -90,15 +86,12 @@ def test_dendrogram_threshold_gives_clusters(library, axes):
     assert len(branches) == n - 1
     tops = np.array([branch[:, 1].max() for branch in branches])
     assert (tops <= library.sigma["lower"]).sum() == n - (library.labels["lower"].max() + 1)
-    grey = [branch for c in axes.collections for branch in c.get_segments() if _is_grey(c)]
-    assert {branch[:, 1].max() for branch in grey} == set(tops[tops > library.sigma["lower"]])
+    grey = [c for c in axes.collections if np.ptp(c.get_colors()[0, :3]) == 0]
+    found = {branch[:, 1].max() for c in grey for branch in c.get_segments()}
+    assert found == set(tops[tops > library.sigma["lower"]])
     # Each leaf is the end of one branch.
     leaves = sorted(x for branch in branches for x, y in (branch[0], branch[3]) if y == 0)
     assert leaves == list(range(n))
-
-
-def _is_grey(collection):
-    return np.ptp(collection.get_colors()[0, :3]) == 0
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,6 @@ from hypothesis.extra.numpy import arrays
 import mograft as mg
 import mograft.constraints as mc
 from mograft import graft, segment, view
-from mograft.dancer import dance
 from mograft.motion import rotations
 from mograft.viewing.encoding import encode_scene, quantize
 from mograft.viewing.figure import ShownConstraint
@@ -226,8 +225,7 @@ def test_encode_scene_donor_frames_stay_within_budget(two_takes, max_rotations):
 
 
 @pytest.fixture(scope="module")
-def two_takes():
-    takes = [replace(dance(seed=s, strides=1).motion[:420], name=f"take{s}") for s in range(2)]
+def two_takes(takes):
     library = mg.Library.build(takes)
     return library, graft(library, "take0", seed=1)
 
@@ -291,11 +289,8 @@ def test_view_objects_stand_beside_the_figure_for_any_up_axis(motion, turn):
     np.testing.assert_allclose(characters[0][:, :18], world + np.array([80, 0, 0]), atol=0.02)
     assert plain[5]["joint"] == motion.skeleton.index("LeftHand")
     assert plain[6]["joint"] == motion.skeleton.index("Head")
-    assert [own["label"] for own in plain[:1] + plain[5:]] == [
-        "frames 3\N{EN DASH}8",
-        "LeftHand, frame 12",
-        "face",
-    ]
+    labels = [own["label"] for own in plain[:1] + plain[5:]]
+    assert labels == ["frames 3\N{EN DASH}8", "LeftHand, frame 12", "face"]
 
 
 def test_view_character_has_own_pose_data(motion, library):
