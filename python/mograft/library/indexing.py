@@ -26,7 +26,7 @@ from mograft.library.files.generation import (
     commit_library,
     write_generation,
 )
-from mograft.library.files.storage import StoredLibrary, load_library
+from mograft.library.files.storage import load_library
 from mograft.library.files.stored_clips import StoredClips
 from mograft.library.ingest import ClipOrder, IngestedClip, PendingClip, ingest_all
 from mograft.library.ingest_run import (
@@ -40,6 +40,16 @@ from mograft.library.ingest_run import (
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.search.boundary_states import BoundaryStates
+
+
+@dataclass(frozen=True, eq=False)
+class _Update:
+    """The generation that is being written, with the options and the clips to ingest."""
+
+    writer: GenerationWriter
+    plan: IngestPlan
+    pending: Sequence[PendingClip]
+    base: LibraryData | None = None  # the previous generation, if clips are added to it
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +76,7 @@ def index_folder(
         pending = [plan.pending((0, key), own) for key, own in found.items()]
         plan.warn_of_keys(stacklevel=3)
         result = ingest_fitting(pending, plan, partial(_store, writer), writer.restart)
-        _complete(writer, plan, result, base=None, pending=pending)
+        _complete(_Update(writer, plan, pending), result)
 
 
 def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], plan: IngestPlan) -> None:
@@ -89,12 +99,11 @@ def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], plan: 
         pending = [clip for clip in given if _is_new_or_changed(clip, files)]
         if not pending and not plan.tags:
             return
-        stale = _stale_addresses(files, pending, plan)
-        kept = _kept_clips(base, writer.base, pending, plan, stale, found)
+        update = _Update(writer, plan, pending, base)
+        kept = _kept_clips(update, base, _stale_addresses(update, files), found)
         plan.warn_of_keys(stacklevel=3)
         writer.link_shards(writer.base)
-        result = _ingest_additions(writer, plan, base, kept, pending)
-        _complete(writer, plan, result, base=base, pending=pending)
+        _complete(update, _ingest_additions(update, base, kept))
 
 
 def _store(writer: GenerationWriter, clip: IngestedClip) -> _IndexedClip:
@@ -148,16 +157,15 @@ def _is_new_or_changed(clip: PendingClip, files: Mapping[str, ClipInfo]) -> bool
         return True  # ingest will raise the error
 
 
-def _stale_addresses(
-    files: Mapping[str, ClipInfo], pending: Sequence[PendingClip], plan: IngestPlan
-) -> frozenset[str]:
+def _stale_addresses(update: _Update, files: Mapping[str, ClipInfo]) -> set[str]:
     """Return the addresses of the library's clips that are no longer valid.
 
     `files` holds the metadata of the library's clips by address. Warn about the clips that their
     changed files no longer contain. Do not warn about clips whose address has changed: the address
     of the only clip of a file has no name.
     """
-    changed = {split_address(clip.label)[0] for clip in pending}
+    changed = {split_address(clip.label)[0] for clip in update.pending}
+    rest = update.plan.skeleton
     known: dict[str, list[SourceFile]] = {}
     for info in files.values():
         if info.source_file is not None and info.source_file.path in changed:
@@ -165,8 +173,8 @@ def _stale_addresses(
     stale: set[str] = set()
     for path, sources in known.items():
         try:
-            found = set(find_addresses(path, skeleton=plan.skeleton))
-            names = {*open_clips(path, skeleton=plan.skeleton).names}
+            found = set(find_addresses(path, skeleton=rest))
+            names = {*open_clips(path, skeleton=rest).names}
         except (OSError, MograftError):
             continue  # the ingest reports the error
         old = [source for source in sources if source.address not in found]
@@ -178,57 +186,53 @@ def _stale_addresses(
                 f"{join_names(removed)}",
                 stacklevel=4,
             )
-    return frozenset(stale)
+    return stale
 
 
 def _kept_clips(
+    update: _Update,
     base: LibraryData,
-    stored: StoredLibrary,
-    pending: Sequence[PendingClip],
-    plan: IngestPlan,
     stale: Collection[str],
     found: Mapping[tuple[str, ...], FoundClip],
 ) -> list[_IndexedClip]:
-    """Return the clips of the previous generation that no pending clip replaces.
+    """Return the clips of the previous generation `base` that no pending clip replaces.
 
     Clips whose addresses are in `stale` are left out. The tags of the plan whose keys match a clip
     are added to its metadata; `found` has the clips of the sources, whose keys are known.
     """
-    replaced = {clip.order for clip in pending}
+    clips = base.clips
+    assert isinstance(clips, StoredClips)
+    replaced = {clip.order for clip in update.pending}
     bounds = np.searchsorted(base.segments.clip, np.arange(len(base.entries) + 1)).tolist()
     kept = []
-    clips = zip(base.entries, stored.table.locations, strict=True)
-    for index, (info, location) in enumerate(clips):
+    for index, info in enumerate(base.entries):
         order: ClipOrder = (1, (f"{index:09}",))
         if info.source_file is not None:
             address = info.source_file.address
             if address in stale:
                 continue
-            key = _path_key(address, stored.folder)
+            key = _path_key(address, update.writer.final)
             order = (0, key)
             own = found.get(key) or FoundClip(address)
-            tags = dict.fromkeys(chain(info.tags, *plan.tag_keys.match(own)))
+            tags = dict.fromkeys(chain(info.tags, *update.plan.tag_keys.match(own)))
             if len(tags) > len(info.tags):
                 info = info._replace(tags=tuple(tags))
         if order in replaced:
             continue
         rows = slice(bounds[index], bounds[index + 1])
-        cut = base.segments[rows]
+        location, cut = clips.table.locations[index], base.segments[rows]
         kept.append(_IndexedClip(order, info, location, cut, base.is_donor[rows], rows.start))
     return kept
 
 
 def _ingest_additions(
-    writer: GenerationWriter,
-    plan: IngestPlan,
-    base: LibraryData,
-    kept: Sequence[_IndexedClip],
-    pending: Sequence[PendingClip],
+    update: _Update, base: LibraryData, kept: Sequence[_IndexedClip]
 ) -> _Ingested:
     """Ingest pending clips; return the result for the kept and the new clips.
 
     If the specification changes, or there are too many shards, the kept clips are ingested again.
     """
+    writer, plan, pending = update.writer, update.plan, update.pending
     result = ingest_pending(pending, base.spec, plan, partial(_store, writer))
     properties = [(clip.order, base.skeleton, clip.info) for clip in kept]
     # A changed file that no longer fits is left out, unless no clip would remain.
@@ -258,27 +262,21 @@ def _pending_again(base: LibraryData, kept: Sequence[_IndexedClip]) -> Iterator[
         yield PendingClip(clip.order, read, (), info.rate_override, file, known=info)
 
 
-def _complete(
-    writer: GenerationWriter,
-    plan: IngestPlan,
-    result: _Ingested,
-    *,
-    base: LibraryData | None,
-    pending: Sequence[PendingClip],
-) -> None:
+def _complete(update: _Update, result: _Ingested) -> None:
     """Embed and cluster the segments of all clips, and commit the generation.
 
-    If no clip is new, only tags differ from those of `base`. Raise ValueError if there is no clip.
+    If no clip is new, only tags differ from those of the previous one. Raise ValueError if there is
+    no clip.
     """
+    writer, plan, base = update.writer, update.plan, update.base
     reasons = {label: str(error) for label, error in result.errors.items()}
     if not result.clips:
         raise ValueError(f"no clip can be used: {next(iter(reasons.values()))}")
     spec, config = result.spec, plan.config
-    groups = choose_groups(plan, spec.skeleton, _sample_motions(pending, plan, result))
-    only_tags = base is not None and not pending and spec is base.spec
-    clips = list(result.clips)
-    if not only_tags:  # the segments of `base` keep the order of its clips
-        clips.sort(key=lambda clip: clip.order)
+    groups = choose_groups(plan, spec.skeleton, _sample_motions(update, result))
+    only_tags = base is not None and not update.pending and spec is base.spec
+    # If only tags differ, the segments keep the order of the clips of `base`.
+    clips = result.clips if only_tags else sorted(result.clips, key=lambda clip: clip.order)
     entries = name_clips([clip.info for clip in clips])
     ranges = [(own.location.shard, own.location.first_row, len(own.segments)) for own in clips]
     samples = writer.samples(np.array(ranges), config.samples, spec.skeleton.n_joints)
@@ -289,35 +287,30 @@ def _complete(
         cuts = [(clip.segments, clip.is_donor) for clip in clips]
         library = join_clips(LibraryData, cuts, entries, samples, groups, spec, config)
         library = compare(library, plan.report)
-    known = {} if base is None else base.refused
-    library = replace(library, refused={**known, **reasons})
+    library = replace(library, refused={**(base.refused if base else {}), **reasons})
     plan.report("writing", 0, 1)
-    states = _boundary_parts(writer, base, clips, library)
+    states = _boundary_parts(update, clips, library)
     commit_library(writer, library, [clip.location for clip in clips], states, plan.rate)
     plan.report("writing", 1, 1)
 
 
-def _sample_motions(
-    pending: Sequence[PendingClip], plan: IngestPlan, result: _Ingested
-) -> Iterator[IngestedClip]:
+def _sample_motions(update: _Update, result: _Ingested) -> Iterator[IngestedClip]:
     """Ingest some of the clips that were not refused, as motions; read only when they are used."""
-    accepted = {clip.order for clip in result.clips}
-    sample = spread_evenly([clip for clip in pending if clip.order in accepted])
-    for clip in ingest_all(sample, result.spec, plan.config, plan.executor, is_packed=False):
-        if isinstance(clip, IngestedClip):
-            yield clip
+    accepted, plan = {clip.order for clip in result.clips}, update.plan
+    sample = spread_evenly([clip for clip in update.pending if clip.order in accepted])
+    clips = ingest_all(sample, result.spec, plan.config, plan.executor, is_packed=False)
+    return (clip for clip in clips if isinstance(clip, IngestedClip))
 
 
 def _boundary_parts(
-    writer: GenerationWriter,
-    base: LibraryData | None,
-    clips: Sequence[_IndexedClip],
-    library: LibraryData,
+    update: _Update, clips: Sequence[_IndexedClip], library: LibraryData
 ) -> BoundaryParts:
     """Return the boundary states of each group as consecutive parts, in the order of segments.
 
-    They are read from the files of `writer` for new clips, and from `base` for the others.
+    They are read from the files of the writer for new clips, and from the previous generation for
+    the others.
     """
+    writer, base = update.writer, update.base
     counts = np.array([len(clip.segments) for clip in clips])
     firsts = [own.location.first_row if own.old_row is None else own.old_row for own in clips]
     rows = np.repeat(firsts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
