@@ -95,7 +95,25 @@ class LibraryData:
         return f"{type(self).__name__}({clips}, {len(self.segments)} segments, {groups})"
 
     def _repr_html_(self) -> str:
-        return library_html(self)
+        names, segments = self.skeleton.names, self.segments
+        n_segments = np.bincount(segments.clip, minlength=len(self.entries)).tolist()
+        clips = (
+            (info.name, info.n_frames, (info.n_frames - 1) / self.rate, count, " ".join(info.tags))
+            for info, count in zip(self.entries, n_segments, strict=True)
+        )
+        groups = [
+            (
+                f"{group} (base)" if group == self.groups.base else group,
+                ", ".join(names[joint] for joint in self.joints(group)),
+                int(labels.max(initial=-1)) + 1,
+            )
+            for group, labels in self.labels.items()
+        ]
+        columns = ("clip", "frames", "seconds", "segments", "tags")
+        caption = f"{self!r}, {self.rate:.6g} fps"
+        return notebook_table(caption, columns, clips, len(self.entries)) + notebook_table(
+            "Joint groups", ("group", "joints", "clusters"), groups, len(groups)
+        )
 
     @property
     def skeleton(self) -> Skeleton:
@@ -227,15 +245,16 @@ class LibraryData:
 
     def find_clip(self, motion: Motion) -> int | None:
         """Return the index of the first clip with the poses of a motion; None if there is none."""
-        for index, info in enumerate(self.entries):
-            clip = self.clips[index] if info.n_frames == motion.n_frames else None
-            if clip is motion or (
-                clip is not None
-                and np.array_equal(motion.rotations, clip.rotations)
-                and np.array_equal(motion.positions, clip.positions)
-            ):
-                return index
-        return None
+        alike = (k for k, info in enumerate(self.entries) if info.n_frames == motion.n_frames)
+        return next((k for k in alike if has_same_poses(self.clips[k], motion)), None)
+
+
+def has_same_poses(motion: Motion, other: Motion) -> bool:
+    """Return whether two motions have equal rotations and positions."""
+    return motion is other or (
+        np.array_equal(motion.rotations, other.rotations)
+        and np.array_equal(motion.positions, other.positions)
+    )
 
 
 def library_tables(library: LibraryData) -> dict[str, Columns]:
@@ -273,26 +292,3 @@ def library_tables(library: LibraryData) -> dict[str, Columns]:
         ),
         "points": points,
     }
-
-
-def library_html(library: LibraryData) -> str:
-    """Return two HTML tables: the clips of a library, and its joint groups with their clusters."""
-    names, segments = library.skeleton.names, library.segments
-    n_segments = np.bincount(segments.clip, minlength=len(library.entries)).tolist()
-    clips = (
-        (info.name, info.n_frames, (info.n_frames - 1) / library.rate, count, " ".join(info.tags))
-        for info, count in zip(library.entries, n_segments, strict=True)
-    )
-    groups = [
-        (
-            f"{group} (base)" if group == library.groups.base else group,
-            ", ".join(names[joint] for joint in library.joints(group)),
-            int(labels.max(initial=-1)) + 1,
-        )
-        for group, labels in library.labels.items()
-    ]
-    columns = ("clip", "frames", "seconds", "segments", "tags")
-    caption = f"{library!r}, {library.rate:.6g} fps"
-    return notebook_table(caption, columns, clips, len(library.entries)) + notebook_table(
-        "Joint groups", ("group", "joints", "clusters"), groups, len(groups)
-    )

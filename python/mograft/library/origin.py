@@ -19,7 +19,7 @@ from mograft.errors import MograftError
 from mograft.io.formats import join_address, read_clip
 from mograft.library.build import assemble
 from mograft.library.clip_table import skeleton_to_json
-from mograft.library.data import LibraryData
+from mograft.library.data import LibraryData, has_same_poses
 from mograft.library.derive import BUILD_STAGES
 from mograft.library.discover import SourceFile
 from mograft.library.files.stored_clips import ExtendedClips, StoredClips
@@ -221,10 +221,7 @@ def find_source_file(motion: Motion, spec: LibrarySpec | None = None) -> SourceF
         read = spec.convert(read, str(motion.path)) if spec else read
     except (MograftError, OSError, ValueError):
         return None
-    is_same = read.frame_time == motion.frame_time and (
-        np.array_equal(read.rotations, motion.rotations)
-        and np.array_equal(read.positions, motion.positions)
-    )
+    is_same = read.frame_time == motion.frame_time and has_same_poses(read, motion)
     return source_file if is_same else None
 
 
