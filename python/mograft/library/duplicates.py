@@ -68,8 +68,24 @@ def find_duplicates(library: LibraryData) -> list[DuplicateSpan]:
     >>> find_duplicates(Library.build([take, take]))[0].other
     'dance~2'
     """
-    first, second = find_copies(library)
-    return _join(library, list(zip(first.tolist(), second.tolist(), strict=True)))
+    cut, names = library.segments, library.names
+    pairs = list(zip(*(own.tolist() for own in find_copies(library)), strict=True))
+    left, spans = set(pairs), []
+    for pair in pairs:
+        if pair not in left:
+            continue
+        left.remove(pair)
+        # Pairs of segments that follow each other in both clips form one span.
+        ends, following = pair, (pair[0] + 1, pair[1] + 1)
+        while following in left and np.array_equal(cut.clip[list(following)], cut.clip[list(ends)]):
+            left.remove(following)
+            ends, following = following, (following[0] + 1, following[1] + 1)
+        (clip, frames), (other, others) = (
+            (names[cut.clip[own]], (int(cut.start[own]), int(cut.stop[end])))
+            for own, end in zip(pair, ends, strict=True)
+        )
+        spans.append(DuplicateSpan(clip, frames, other, others))
+    return spans
 
 
 def find_copies(library: LibraryData) -> tuple[IntArray, IntArray]:
@@ -88,23 +104,3 @@ def find_copies(library: LibraryData) -> tuple[IntArray, IntArray]:
         pairs.append(np.stack([first, second]))
     found = np.concatenate(pairs, axis=1)
     return found[0], found[1]
-
-
-def _join(library: LibraryData, pairs: list[tuple[int, int]]) -> list[DuplicateSpan]:
-    """Return spans of pairs of segments that follow each other in both clips."""
-    cut, names = library.segments, library.names
-    left, spans = set(pairs), []
-    for pair in pairs:
-        if pair not in left:
-            continue
-        left.remove(pair)
-        ends, following = pair, (pair[0] + 1, pair[1] + 1)
-        while following in left and np.array_equal(cut.clip[list(following)], cut.clip[list(ends)]):
-            left.remove(following)
-            ends, following = following, (following[0] + 1, following[1] + 1)
-        (clip, frames), (other, others) = (
-            (names[cut.clip[own]], (int(cut.start[own]), int(cut.stop[end])))
-            for own, end in zip(pair, ends, strict=True)
-        )
-        spans.append(DuplicateSpan(clip, frames, other, others))
-    return spans

@@ -6,7 +6,6 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.contacts import detect_contacts, find_legs
-from mograft.library.clip_table import ClipInfo
 from mograft.library.data import Columns, LibraryData, library_tables
 from mograft.library.discover import relative_path
 from mograft.library.duplicates import find_copies
@@ -65,16 +64,11 @@ def _clip_ids(library: LibraryData) -> IntArray:
     seen: dict[str, int] = {}
     found = []
     for entry in library.entries:
-        key = _clip_key(library, entry)
+        key, file = entry.name, entry.source_file
+        if file is not None:
+            path = file.path if library.folder is None else relative_path(file.path, library.folder)
+            key = f"{path}#{file.clip or ''}"
         seen[key] = seen.get(key, 0) + 1  # a mirrored clip has the file of the original
         text = f"{key}\0{seen[key]}".encode("utf-8", "surrogatepass")
         found.append(int.from_bytes(hashlib.blake2b(text, digest_size=8).digest(), "big"))
     return np.array(found, np.uint64)
-
-
-def _clip_key(library: LibraryData, entry: ClipInfo) -> str:
-    file = entry.source_file
-    if file is None:
-        return entry.name
-    path = file.path if library.folder is None else relative_path(file.path, library.folder)
-    return f"{path}#{file.clip or ''}"

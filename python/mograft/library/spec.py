@@ -80,8 +80,7 @@ def describe_match(skeleton: Skeleton, other: Skeleton, name: str = "the clip") 
     """
     if skeleton.has_same_hierarchy(other):
         return ""
-    match = match_joints(skeleton, other, name)
-    return match.describe() or "every joint has a counterpart"
+    return match_joints(skeleton, other, name).describe() or "every joint has a counterpart"
 
 
 def conform(
@@ -163,8 +162,12 @@ def conform(
         turned[:, joint] = rotations.multiply(above, quats[:, joint])
         places[:, joint] = origin + rotations.rotate(above, positions[:, joint])
     quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
+    channels = tuple(
+        names if not free or CHANNELS[0] in names else (*CHANNELS[:3], *names)
+        for names, free in zip(skeleton.channels, is_free.tolist(), strict=True)
+    )
     return Motion(
-        _with_position_channels(skeleton, is_free),
+        replace(skeleton, channels=channels),
         motion.frame_time,
         rotations.continuous_signs(quats),
         positions,
@@ -288,12 +291,3 @@ def _offsets(
                 is_set[absent] = True
         offsets[joint] = arm - offsets[between].sum(axis=0)
     return offsets
-
-
-def _with_position_channels(skeleton: Skeleton, is_free: BoolArray) -> Skeleton:
-    """Return the skeleton with position channels for the joints where `is_free`."""
-    channels = tuple(
-        names if not free or CHANNELS[0] in names else (*CHANNELS[:3], *names)
-        for names, free in zip(skeleton.channels, is_free.tolist(), strict=True)
-    )
-    return replace(skeleton, channels=channels)

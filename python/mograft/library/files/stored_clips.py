@@ -75,11 +75,10 @@ def _unpack(
         return *channels_to_transforms(skeleton, values), values
     n_joints = skeleton.n_joints
     quats, positions, rest = np.split(numbers, n_frames * n_joints * np.array([4, 7]))
-    has_values = content == "both"
     return (
         quats.reshape(-1, n_joints, 4),
         positions.reshape(-1, n_joints, 3),
-        rest.reshape(n_frames, skeleton.n_channels) if has_values else None,
+        rest.reshape(n_frames, skeleton.n_channels) if content == "both" else None,
     )
 
 
