@@ -14,29 +14,18 @@ from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.analysis.embedding import CHUNK
 from mograft.errors import MograftError, join_names
 from mograft.io.formats import find_addresses, open_clips, split_address
+from mograft.library import ingest_run
 from mograft.library.build import choose_groups, join_clips, name_clips, spread_evenly
 from mograft.library.clip_table import ClipInfo, ClipLocation
 from mograft.library.clusters import compare, feature_joints_by_group
 from mograft.library.data import LibraryData
 from mograft.library.discover import ClipSource, FoundClip, SourceFile, relative_path
-from mograft.library.files.generation import (
-    MAX_SHARDS,
-    BoundaryParts,
-    GenerationWriter,
-    commit_library,
-    write_generation,
-)
+from mograft.library.files import generation
+from mograft.library.files.generation import GenerationWriter
 from mograft.library.files.storage import load_library
-from mograft.library.files.stored_clips import StoredClips
+from mograft.library.files.stored_clips import JoinedSamples, StoredClips
 from mograft.library.ingest import ClipOrder, IngestedClip, PendingClip, ingest_all
-from mograft.library.ingest_run import (
-    IngestPlan,
-    IngestResult,
-    choose_spec,
-    ingest_fitting,
-    ingest_pending,
-    warn_of_clips,
-)
+from mograft.library.ingest_run import IngestPlan, IngestResult, ingest_pending
 from mograft.motion.motion import Motion
 from mograft.motion.segments import Segments
 from mograft.search.boundary_states import BoundaryStates
@@ -71,17 +60,17 @@ def index_folder(
     path: Path, sources: ClipSource | Iterable[ClipSource], plan: IngestPlan, *, force: bool
 ) -> None:
     """Build a library in a folder; see `Library.index`."""
-    with write_generation(path, force=force) as writer:
+    with generation.write_generation(path, force=force) as writer:
         found = _find_files(plan, sources, writer.final)
         pending = [plan.pending((0, key), own) for key, own in found.items()]
         plan.warn_of_keys(stacklevel=3)
-        result = ingest_fitting(pending, plan, partial(_store, writer), writer.restart)
+        result = ingest_run.ingest_fitting(pending, plan, partial(_store, writer), writer.restart)
         _complete(_Update(writer, plan, pending), result)
 
 
 def add_to_folder(path: Path, sources: ClipSource | Iterable[ClipSource], plan: IngestPlan) -> None:
     """Add clips to a library in a folder; see `Library.add`."""
-    with write_generation(path, add=True) as writer:
+    with generation.write_generation(path, add=True) as writer:
         assert writer.base is not None
         # Another process may have added clips since the library was opened.
         base = load_library(LibraryData, writer.base)
@@ -239,8 +228,8 @@ def _ingest_additions(
     properties += [own for own in result.properties if own[1].has_same_hierarchy(base.skeleton)]
     # Clips matched by anatomy keep the specification: their properties are those of other joints.
     is_chosen = bool(properties) and plan.match == "names"
-    spec = choose_spec(properties, plan) if is_chosen else base.spec
-    if spec.is_equivalent(base.spec) and len(writer.shards) <= MAX_SHARDS:
+    spec = ingest_run.choose_spec(properties, plan) if is_chosen else base.spec
+    if spec.is_equivalent(base.spec) and len(writer.shards) <= generation.MAX_SHARDS:
         result = replace(result, clips=[*kept, *result.clips])
     else:
         writer.restart()
@@ -279,8 +268,9 @@ def _complete(update: _Update, result: _Ingested) -> None:
     clips = result.clips if only_tags else sorted(result.clips, key=lambda clip: clip.order)
     entries = name_clips([clip.info for clip in clips])
     ranges = [(own.location.shard, own.location.first_row, len(own.segments)) for own in clips]
-    samples = writer.samples(np.array(ranges), config.samples, spec.skeleton.n_joints)
-    warn_of_clips(entries, result, stacklevel=4)
+    n_joints = spec.skeleton.n_joints
+    samples = JoinedSamples(writer.map_samples(), np.array(ranges), config.samples, n_joints)
+    ingest_run.warn_of_clips(entries, result, stacklevel=4)
     if base is not None and only_tags:
         library = replace(base, entries=entries)
     else:
@@ -290,7 +280,7 @@ def _complete(update: _Update, result: _Ingested) -> None:
     library = replace(library, refused={**(base.refused if base else {}), **reasons})
     plan.report("writing", 0, 1)
     states = _boundary_parts(update, clips, library)
-    commit_library(writer, library, [clip.location for clip in clips], states, plan.rate)
+    generation.commit_library(writer, library, [clip.location for clip in clips], states, plan.rate)
     plan.report("writing", 1, 1)
 
 
@@ -304,7 +294,7 @@ def _sample_motions(update: _Update, result: _Ingested) -> Iterator[IngestedClip
 
 def _boundary_parts(
     update: _Update, clips: Sequence[_IndexedClip], library: LibraryData
-) -> BoundaryParts:
+) -> generation.BoundaryParts:
     """Return the boundary states of each group as consecutive parts, in the order of segments.
 
     They are read from the files of the writer for new clips, and from the previous generation for

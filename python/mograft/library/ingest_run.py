@@ -19,19 +19,12 @@ from mograft.body.size import describe_sizes
 from mograft.config import Config
 from mograft.errors import SkeletonMismatchError, join_names
 from mograft.io.formats import absolute_address
+from mograft.library import ingest
 from mograft.library.clip_keys import ClipKeys
 from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import Progress
 from mograft.library.discover import ClipSource, FoundClip, exclude_grafts, find_clips
-from mograft.library.ingest import (
-    INGEST_ERRORS,
-    ClipOrder,
-    ClipProperties,
-    IngestedClip,
-    PendingClip,
-    ingest_all,
-    read_pending,
-)
+from mograft.library.ingest import ClipOrder, ClipProperties, IngestedClip, PendingClip
 from mograft.library.spec import MATCHES, LibrarySpec, Match, describe_match, rates_match
 from mograft.motion.skeleton import Skeleton
 
@@ -218,7 +211,7 @@ def ingest_pending(
     properties: list[ClipProperties] = []
     errors: dict[str, Exception] = {}
     notes: dict[str, list[str]] = {}
-    results = ingest_all(pending, spec, plan.config, plan.executor, is_packed=plan.is_packed)
+    results = ingest.ingest_all(pending, spec, plan.config, plan.executor, is_packed=plan.is_packed)
     for done, result in enumerate(results, start=1):
         plan.report("reading", done, len(pending))
         if result.properties is not None:
@@ -313,9 +306,9 @@ def _guess_spec(
         if properties and index not in sampled:
             break
         try:
-            pending[index], _, own = read_pending(pending[index], plan.skeleton)
+            pending[index], _, own = ingest.read_pending(pending[index], plan.skeleton)
             properties.append(own)
-        except INGEST_ERRORS as error:
+        except ingest.INGEST_ERRORS as error:
             errors.append(error)
     if properties:
         return pending, choose_spec(properties, plan)

@@ -18,29 +18,20 @@ from mograft._util.arrays import FloatArray, IntArray, Packed
 from mograft._util.atomic import draft_folder, exclusive_lock, sync
 from mograft._util.signals import clean_up_by
 from mograft.errors import LibraryError, join_names
-from mograft.library.clip_table import (
-    ClipInfo,
-    ClipLocation,
-    ClipTable,
-    skeleton_to_json,
-    write_clip_table,
-)
+from mograft.library.clip_table import ClipLocation, ClipTable, skeleton_to_json, write_clip_table
 from mograft.library.data import LibraryData
-from mograft.library.files import storage, stored_clips
-from mograft.library.files.array_files import (
-    DATABASE,
-    MANIFEST,
-    ArrayWriter,
-    hash_files,
-    manifest_checksum,
-    map_array,
-)
+from mograft.library.files import array_files, storage, stored_clips
+from mograft.library.files.array_files import DATABASE, MANIFEST, ArrayWriter
 from mograft.library.ingest import IngestedClip
 from mograft.library.ingest_run import check_storable
 from mograft.motion.skeleton import Skeleton
 
 MAX_SHARDS = 16
 """Generations whose clips may lie in separate files; beyond that all clips are written again."""
+
+_States = Mapping[str, FloatArray | Iterator[FloatArray]]
+BoundaryParts = Mapping[str, _States]
+"""Boundary states by group and key: arrays, or their parts in order."""
 
 
 class GenerationWriter:
@@ -138,16 +129,11 @@ class GenerationWriter:
         text = json.dumps(skeleton_to_json(skeleton))
         return self._skeletons.setdefault(text, (len(self._skeletons), skeleton))[0]
 
-    def samples(
-        self, ranges: IntArray, n_samples: int, n_joints: int
-    ) -> stored_clips.JoinedSamples:
-        """Close the new shard and return the samples of all shards.
-
-        No clip may be written afterwards. The arguments are fields of the result.
-        """
+    def map_samples(self) -> tuple[Packed, ...]:
+        """Close the new shard and return the samples of all shards; write no clip afterwards."""
         self._close("frames-", "samples-")
-        arrays = [map_array(self.folder / f"samples-{shard}.npy") for shard in self.shards]
-        return stored_clips.JoinedSamples(tuple(arrays), ranges, n_samples, n_joints)
+        files = (self.folder / f"samples-{shard}.npy" for shard in self.shards)
+        return tuple(map(array_files.map_array, files))
 
     def _close(self, *starts: str) -> None:
         """Complete the arrays whose names begin with any of `starts`."""
@@ -162,6 +148,25 @@ class GenerationWriter:
         for part in [parts] if isinstance(parts, np.ndarray) else parts:
             self._writer(name, dtype, part.shape[1:]).append(part)
         self._close(name)
+
+    def write_group(self, library: LibraryData, index: int, states: _States) -> dict[str, Any]:
+        """Write the arrays of the joint group with this index; return its entry in the manifest."""
+        group = library.groups.names[index]
+        embedding, labels = library.embedding[group], library.labels[group]
+        self.write_array(f"{index}/labels", "<i8", labels)
+        for key, parts in states.items():
+            self.write_array(f"{index}/{key}", "<f8", parts)
+        if embedding is not None:
+            self.write_array(f"{index}/joints", "<i8", embedding.joints)
+            for name in storage.EMBEDDING_ARRAYS:
+                self.write_array(f"{index}/{name}", "<f8", getattr(embedding, name))
+        return {
+            "folder": str(index),
+            "sigma": library.sigma[group],
+            "compared": embedding is not None,
+            "has_root": embedding is not None and embedding.has_root,
+            "clusters": int(labels.max(initial=-1)) + 1,
+        }
 
     def write_clip_table(self, library: LibraryData, locations: Sequence[ClipLocation]) -> None:
         """Write the database of a library whose clips were written at `locations`."""
@@ -178,7 +183,7 @@ class GenerationWriter:
         files = [path for path in self.folder.rglob("*") if path.is_file()]
         names = {path.relative_to(self._root).as_posix() for path in files}
         new = sorted(names - self._linked_hashes.keys())
-        hashes = self._linked_hashes | hash_files(self._root, new)
+        hashes = self._linked_hashes | array_files.hash_files(self._root, new)
         document = {
             "format": storage.FORMAT,
             "version": storage.FORMAT_VERSION,
@@ -188,7 +193,7 @@ class GenerationWriter:
             "shards": self.shards,
             "files": dict(sorted(hashes.items())),
         }
-        document["checksum"] = manifest_checksum(document)
+        document["checksum"] = array_files.manifest_checksum(document)
         paths = [self._root / name for name in hashes]
         for path in [*paths, *dict.fromkeys(path.parent for path in paths), self.folder]:
             sync(path)
@@ -319,30 +324,23 @@ def _lock(folder: Path) -> Iterator[None]:
         yield
 
 
-BoundaryParts = Mapping[str, Mapping[str, FloatArray | Iterator[FloatArray]]]
-"""Boundary states by group and key: arrays, or their parts in order."""
-
-
 def save_library(library: LibraryData, path: Path, *, force: bool) -> None:
     """Write a library to a folder; see `Library.save`."""
     if isinstance(library.clips, stored_clips.ExtendedClips):
         raise ValueError("a library with an appended base motion cannot be saved")
     check_storable(library.config)
     with write_generation(path, force=force) as writer:
-        entries: list[ClipInfo] = []
-        locations: list[ClipLocation] = []
+        entries, locations = list(library.entries), list[ClipLocation]()
         first_rows = np.searchsorted(library.segments.clip, np.arange(len(library.entries)))
         for index, first_row in enumerate(first_rows.tolist()):
-            info = library.entries[index]
             if isinstance(library.clips, stored_clips.StoredClips):
                 clip = library.clips.original(index, as_read=True)
             else:
                 # The source of the saved library are these clips, whatever they were made from.
                 clip = library.clips[index]
-                info = info._replace(
+                entries[index] = entries[index]._replace(
                     source_rate=clip.rate, rate_override=None, source_frames=clip.n_frames
                 )
-            entries.append(info)
             locations.append(writer.write_frames(stored_clips.pack(clip), first_row))
         for chunk in library.samples.chunks():
             writer.write_samples(chunk.pack())
@@ -369,7 +367,7 @@ def commit_library(
         writer.write_array(f"{name}s", "<i8", getattr(segments, name))
     writer.write_array("donors", "|b1", library.is_donor)
     groups = {
-        group: _write_group(writer, library, index, boundary_states[group])
+        group: writer.write_group(library, index, boundary_states[group])
         for index, group in enumerate(library.groups.names)
     }
     writer.write_clip_table(library, locations)
@@ -390,28 +388,3 @@ def commit_library(
             "segments": len(segments),
         }
     )
-
-
-def _write_group(
-    writer: GenerationWriter,
-    library: LibraryData,
-    index: int,
-    states: Mapping[str, FloatArray | Iterator[FloatArray]],
-) -> dict[str, Any]:
-    """Write the arrays of the joint group with this index; return its entry in the manifest."""
-    group = library.groups.names[index]
-    embedding, labels = library.embedding[group], library.labels[group]
-    writer.write_array(f"{index}/labels", "<i8", labels)
-    for key, parts in states.items():
-        writer.write_array(f"{index}/{key}", "<f8", parts)
-    if embedding is not None:
-        writer.write_array(f"{index}/joints", "<i8", embedding.joints)
-        for name in storage.EMBEDDING_ARRAYS:
-            writer.write_array(f"{index}/{name}", "<f8", getattr(embedding, name))
-    return {
-        "folder": str(index),
-        "sigma": library.sigma[group],
-        "compared": embedding is not None,
-        "has_root": embedding is not None and embedding.has_root,
-        "clusters": int(labels.max(initial=-1)) + 1,
-    }

@@ -22,14 +22,12 @@ from mograft.config import Config
 from mograft.errors import LibraryError
 from mograft.library.clip_table import ClipTable, read_clip_table, skeleton_from_json
 from mograft.library.data import LibraryData
+from mograft.library.files import array_files
 from mograft.library.files.array_files import (
     DATABASE,
     MANIFEST,
     damage,
     damage_raises_library_error,
-    hash_files,
-    manifest_checksum,
-    map_array,
 )
 from mograft.library.files.stored_clips import JoinedSamples, StoredClips
 from mograft.library.spec import LibrarySpec
@@ -108,7 +106,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             f"{FORMAT_VERSION}: install the other version, or index the clips again"
         )
     with damage_raises_library_error(folder, MANIFEST):
-        if document.get("checksum") != manifest_checksum(document):
+        if document.get("checksum") != array_files.manifest_checksum(document):
             raise damage(folder, f"{MANIFEST} does not match its checksum")
         foreign = [name for name in document["files"] if not _FILE.fullmatch(name)]
         _ = [(own["bytes"], own["sha256"]) for own in document["files"].values()]
@@ -129,7 +127,9 @@ def _read_generation(folder: Path, manifest: dict[str, Any]) -> StoredLibrary:
     for name in manifest["files"]:
         if name.endswith(".npy"):
             with damage_raises_library_error(folder, name):
-                arrays[name.removeprefix(prefix).removesuffix(".npy")] = map_array(folder / name)
+                arrays[name.removeprefix(prefix).removesuffix(".npy")] = array_files.map_array(
+                    folder / name
+                )
     with damage_raises_library_error(folder, DATABASE):
         table = read_clip_table(folder / prefix / DATABASE)
         if len(table.entries) != manifest["clips"]:
@@ -233,7 +233,7 @@ def verify(folder: Path) -> list[str]:
     be read.
     """
     files, problems = read_manifest(folder)["files"], []
-    hashes = hash_files(folder, [name for name in files if (folder / name).is_file()])
+    hashes = array_files.hash_files(folder, [name for name in files if (folder / name).is_file()])
     for name, expected in files.items():
         found = hashes.get(name)
         if found is None:
