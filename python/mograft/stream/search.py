@@ -12,11 +12,11 @@ from itertools import pairwise
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.analysis.embedding import Samples, features, normalise
+from mograft.analysis.embedding import Samples, features
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.body.anatomy import feature_joints
 from mograft.body.capsules import Poses
-from mograft.library.ingest import boundary_states
+from mograft.library.ingest import boundary_states, sample_segments
 from mograft.library.library import Library
 from mograft.motion.motion import Motion, forward_kinematics
 from mograft.motion.segments import Segments
@@ -148,15 +148,7 @@ class StreamSearch:
         motion, offset = base.motion_with_margin(start, stop)
         excerpt = _single_segment(offset, offset + stop - start, 0)
         segment = _single_segment(start, stop, len(library.entries))
-        samples = normalise(
-            [motion],
-            excerpt,
-            library.config,
-            root=library.root,
-            up=library.up,
-            heights=[base.body.height],
-            is_packed=True,
-        )
+        samples = sample_segments(motion, excerpt, library.spec, library.config)
         members, distances = self._find_donors(samples, segment)
         origin = self._origin_violations(segment, members)
         members, distances = members[origin.is_feasible], distances[origin.is_feasible]

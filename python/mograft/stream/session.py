@@ -9,7 +9,7 @@ import math
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -35,10 +35,8 @@ MAX_NORM_ERROR = 1e-3
 """Largest difference from 1 of the norm of a float32 quaternion, which is then normalised."""
 
 _MAX_DIMENSIONS = 3
-DTYPES: Mapping[str, "np.dtype[np.floating[Any]]"] = {
-    "float32": np.dtype("<f4"),
-    "float64": np.dtype("<f8"),
-}
+Dtype: TypeAlias = "np.dtype[np.floating[Any]]"
+DTYPES: Mapping[str, Dtype] = {"float32": np.dtype("<f4"), "float64": np.dtype("<f8")}
 _DTYPES = ", ".join(DTYPES)
 
 Array = npt.NDArray[np.floating[Any]]
@@ -64,11 +62,8 @@ class Message:
         arrays = {
             name: np.ascontiguousarray(array, DTYPES[dtype]) for name, array in self.arrays.items()
         }
-        listed = [
-            {"name": name, "dtype": dtype, "shape": list(array.shape)}
-            for name, array in arrays.items()
-        ]
-        text = json.dumps({**self.header, "arrays": listed}, allow_nan=False).encode()
+        about = [{"name": name, "dtype": dtype, "shape": own.shape} for name, own in arrays.items()]
+        text = json.dumps({**self.header, "arrays": about}, allow_nan=False).encode()
         body = b"".join(array.tobytes() for array in arrays.values())
         return MAGIC + LENGTHS.pack(len(text), len(body)) + text + body
 
@@ -83,16 +78,13 @@ def read_request(receive: Callable[[int], bytes]) -> Message:
     if magic != MAGIC:
         raise FrameError(f"a message must begin with {MAGIC!r}, got {magic!r}")
     n_header, n_body = LENGTHS.unpack(receive(LENGTHS.size))
-    for name, length, limit in (
-        ("header", n_header, MAX_HEADER_BYTES),
-        ("body", n_body, MAX_BODY_BYTES),
-    ):
+    limits = (("header", n_header, MAX_HEADER_BYTES), ("body", n_body, MAX_BODY_BYTES))
+    for name, length, limit in limits:
         if length > limit:
             raise FrameError(f"the {name} must have at most {limit} bytes, got {length}")
     header, body = receive(n_header), receive(n_body)
     document = _read_header(header)
-    arrays = document.pop("arrays", [])
-    return Message(document, _read_arrays(arrays, body))
+    return Message(document, _read_arrays(document.pop("arrays", []), body))
 
 
 def _read_header(data: bytes) -> dict[str, Any]:
@@ -123,8 +115,7 @@ def _read_arrays(records: object, body: bytes) -> dict[str, Array]:
     """Return the arrays of a body; `records` is the entry ``arrays`` of the header."""
     if not isinstance(records, list):
         raise RequestError("`arrays` must be a list")
-    arrays: dict[str, Array] = {}
-    start = 0
+    arrays, start = dict[str, Array](), 0
     for record in records:
         name, dtype, shape = _read_description(record)
         if name in arrays:
@@ -139,7 +130,7 @@ def _read_arrays(records: object, body: bytes) -> dict[str, Array]:
     return arrays
 
 
-def _read_description(record: object) -> tuple[str, "np.dtype[np.floating[Any]]", list[int]]:
+def _read_description(record: object) -> tuple[str, Dtype, list[int]]:
     """Return name, dtype and shape of an array from its description in the header."""
     if not isinstance(record, dict) or set(record) != {"name", "dtype", "shape"}:
         raise RequestError("each of `arrays` must be an object with name, dtype and shape")
@@ -294,8 +285,7 @@ def _piece_record(piece: StreamPiece, constraints: tuple[Constraint, ...]) -> di
     """Return a piece as JSON; NaN and infinity become null, because JSON has neither."""
     substitutions = [substitution_record(own) for own in piece.substitutions]
     for record in substitutions:
-        # The gap at the end of a piece is not known yet.
-        record["gaps_degrees"] = [record["gaps_degrees"][0], None]
+        record["gaps_degrees"][1] = None  # the gap at the end of a piece is not known yet
     violations = [violation_record(own, constraints) for own in piece.violations]
     for record in violations:
         if not math.isfinite(record["tolerances"]):
