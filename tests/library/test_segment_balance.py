@@ -51,7 +51,7 @@ def test_support_margins_of_a_segment_are_computed_for_its_block_only(library, m
         return found
 
     monkeypatch.setattr("mograft.library.segment_balance.CHUNK", 7)
-    monkeypatch.setattr("mograft.library.segment_balance.support_margins", record)
+    monkeypatch.setattr("mograft.analysis.zero_moment.support_margins", record)
     balance = replace(library).pool("upper").balance
     for segment in (8, 9, 13):
         balance.support_margins(np.array([segment]))

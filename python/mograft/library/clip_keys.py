@@ -104,7 +104,6 @@ def read_tags(
     for number, (line, cells) in enumerate(
         _parquet_rows(path, columns) if is_parquet else csv_rows(path)
     ):
-        place = f"{path}:{line}"
         names = [cell.lower() for cell in cells]
         if not number and (is_parquet or names[0] in _CLIP_COLUMNS or "filename" in names):
             heading = cells
@@ -125,7 +124,7 @@ def read_tags(
         ]
         is_whole = len(cells) == len(heading) > 1
         if at >= len(cells) or not cells[at] or not (tags or is_whole):
-            raise ValueError(f"{place}: expected a clip and its tags, got {cells}")
+            raise ValueError(f"{path}:{line}: expected a clip and its tags, got {cells}")
         if cells[at] in table:
             twice[cells[at]] = None
         table[cells[at]] = (*table.get(cells[at], ()), *tags)
@@ -193,9 +192,8 @@ def find_words(entries: Sequence[ClipInfo], text: str) -> list[tuple[int, float]
         rows = []
         for index, entry in enumerate(entries):
             notes = [tag.removeprefix(TEXT_TAG) for tag in entry.tags if tag.startswith(TEXT_TAG)]
-            tags = plain_tags(entry)
             name = entry.name.encode("utf-8", "replace").decode()
-            rows.append((index + 1, name, " ".join(tags), " ".join(notes)))
+            rows.append((index + 1, name, " ".join(plain_tags(entry)), " ".join(notes)))
         database.executemany("INSERT INTO clip(rowid, name, tags, text) VALUES (?, ?, ?, ?)", rows)
         try:
             found = database.execute(

@@ -7,13 +7,9 @@ import numpy as np
 
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft._util.containers import SizedCache
+from mograft.analysis import zero_moment
 from mograft.analysis.embedding import CHUNK, Samples
-from mograft.analysis.zero_moment import (
-    N_DIRECTIONS,
-    ZeroMomentTrack,
-    mass_offsets,
-    support_margins,
-)
+from mograft.analysis.zero_moment import ZeroMomentTrack
 from mograft.body.contacts import Ground
 from mograft.config import Config
 from mograft.library.files.stored_clips import JoinedSamples
@@ -58,13 +54,13 @@ class LibraryBalance:
         for start in range(0, len(missing), CHUNK):
             batch = missing[start : start + CHUNK]
             samples = self.samples.select(batch)
-            known[batch] = mass_offsets(samples, self.spec.skeleton, joints, root, up)
+            known[batch] = zero_moment.mass_offsets(samples, self.spec.skeleton, joints, root, up)
             is_known[batch] = True
         return known[segments]
 
     def support_margins(self, segments: IntArray) -> FloatArray:
         """Return the support margins of some segments, shape (n, n_samples, N_DIRECTIONS)."""
-        found = np.empty((len(segments), self.config.samples, N_DIRECTIONS))
+        found = np.empty((len(segments), self.config.samples, zero_moment.N_DIRECTIONS))
         clips = self.segments.clip[segments]
         for clip in np.unique(clips).tolist():
             members, of_clip = self.segments.of_clip(clip), np.flatnonzero(clips == clip)
@@ -89,6 +85,8 @@ class LibraryBalance:
                 self._tracks.clear()
                 self._tracks[clip] = track
             chosen = slice(block * CHUNK, (block + 1) * CHUNK)
-            known = support_margins(motion, cut, track, self.config, up=up, chosen=chosen)
+            known = zero_moment.support_margins(
+                motion, cut, track, self.config, up=up, chosen=chosen
+            )
             self._margins.put((clip, block), known, known.nbytes)
         return known

@@ -23,12 +23,7 @@ from mograft.errors import LibraryError
 from mograft.library.clip_table import ClipTable, read_clip_table, skeleton_from_json
 from mograft.library.data import LibraryData
 from mograft.library.files import array_files
-from mograft.library.files.array_files import (
-    DATABASE,
-    MANIFEST,
-    damage,
-    damage_raises_library_error,
-)
+from mograft.library.files.array_files import DATABASE, MANIFEST, damage
 from mograft.library.files.stored_clips import JoinedSamples, StoredClips
 from mograft.library.spec import LibrarySpec
 from mograft.motion.segments import Segments
@@ -66,7 +61,7 @@ def read(folder: Path) -> StoredLibrary:
     for _ in range(_MAX_READ_ATTEMPTS):
         manifest = read_manifest(folder)
         try:
-            with damage_raises_library_error(folder, MANIFEST):
+            with array_files.damage_raises_library_error(folder, MANIFEST):
                 return _read_generation(folder, manifest)
         except FileNotFoundError as error:
             # Another process may have replaced the generation since the manifest was read.
@@ -105,7 +100,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             f"{document.get('mograft')}; this is mograft {VERSION}, which reads version "
             f"{FORMAT_VERSION}: install the other version, or index the clips again"
         )
-    with damage_raises_library_error(folder, MANIFEST):
+    with array_files.damage_raises_library_error(folder, MANIFEST):
         if document.get("checksum") != array_files.manifest_checksum(document):
             raise damage(folder, f"{MANIFEST} does not match its checksum")
         foreign = [name for name in document["files"] if not _FILE.fullmatch(name)]
@@ -126,11 +121,11 @@ def _read_generation(folder: Path, manifest: dict[str, Any]) -> StoredLibrary:
             raise damage(folder, f"{name} has {size} bytes, expected {expected['bytes']}")
     for name in manifest["files"]:
         if name.endswith(".npy"):
-            with damage_raises_library_error(folder, name):
+            with array_files.damage_raises_library_error(folder, name):
                 arrays[name.removeprefix(prefix).removesuffix(".npy")] = array_files.map_array(
                     folder / name
                 )
-    with damage_raises_library_error(folder, DATABASE):
+    with array_files.damage_raises_library_error(folder, DATABASE):
         table = read_clip_table(folder / prefix / DATABASE)
         if len(table.entries) != manifest["clips"]:
             raise ValueError(f"expected {manifest['clips']} clips, got {len(table.entries)}")
@@ -142,7 +137,7 @@ def load_library(library_type: type[L], stored: StoredLibrary) -> L:
 
     Raise LibraryError if the files do not fit together.
     """
-    with damage_raises_library_error(stored.folder, MANIFEST):
+    with array_files.damage_raises_library_error(stored.folder, MANIFEST):
         manifest, arrays = stored.manifest, stored.arrays
         groups = JointGroups.from_toml(manifest["groups"] + "\n")  # text, never a path
         embedding: dict[str, Embedding | None] = {}
