@@ -235,9 +235,7 @@ def _ingest_additions(
         writer.restart()
         again = list(_pending_again(base, kept))
         result = ingest_pending([*again, *pending], spec, plan, partial(_store, writer))
-    if plan.strict:
-        result.raise_first_error()
-    return result
+    return result.checked(plan)
 
 
 def _pending_again(base: LibraryData, kept: Sequence[_IndexedClip]) -> Iterator[PendingClip]:

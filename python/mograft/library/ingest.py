@@ -183,11 +183,16 @@ def ingest(
         resampled = spec.convert(motion, motion.name or label)
         match_note = describe_match(spec.skeleton, own)
         segments = segment_clip(resampled, config, motion.rate)
-        is_donor, faults = _check_faults(resampled, segments)
+        faults = [fault for fault in find_faults(resampled) if fault.kind in DISQUALIFYING_FAULTS]
         samples = sample_segments(resampled, segments, spec, config)
     except INGEST_ERRORS as error:
         return RefusedClip(label, error, properties)
-    info = info._replace(n_frames=resampled.n_frames, faults=faults)
+    is_donor = np.ones(len(segments), bool)
+    for fault in faults:
+        first, last = fault.frames
+        is_donor[(segments.start <= last) & (segments.stop >= first)] = False
+    messages = tuple(fault.message for fault in faults)
+    info = info._replace(n_frames=resampled.n_frames, faults=messages)
     return IngestedClip(
         clip=pack(pending.motion(), as_read=pending.as_read) if is_packed else resampled,
         properties=(order, own, info),
@@ -223,13 +228,3 @@ def _ingest_batch(
     clips: Sequence[PendingClip], spec: LibrarySpec, config: Config, *, is_packed: bool
 ) -> list[IngestedClip | RefusedClip]:
     return [ingest(clip, spec, config, is_packed=is_packed) for clip in clips]
-
-
-def _check_faults(motion: Motion, segments: Segments) -> tuple[BoolArray, tuple[str, ...]]:
-    """Return whether each segment has no disqualifying fault, and the messages of these faults."""
-    is_donor = np.ones(len(segments), bool)
-    faults = [fault for fault in find_faults(motion) if fault.kind in DISQUALIFYING_FAULTS]
-    for fault in faults:
-        first, last = fault.frames
-        is_donor[(segments.start <= last) & (segments.stop >= first)] = False
-    return is_donor, tuple(fault.message for fault in faults)

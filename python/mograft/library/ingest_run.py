@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import Generic, TypedDict, TypeVar
+from typing import Generic, Self, TypedDict, TypeVar
 
 import numpy as np
 
@@ -63,8 +63,8 @@ class IngestOptions(AddOptions, total=False):
 
 
 _OPTION_TYPES: dict[str, type] = {"skeleton": Skeleton, "hierarchy": Skeleton, "tags": Mapping}
-_OPTION_TYPES |= {"frame_rates": Mapping, "executor": Executor}
-"""Types of the options that may be None."""
+_OPTION_TYPES |= {"config": Config, "frame_rates": Mapping, "executor": Executor}
+"""Types of the options, most of which may be None."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -90,12 +90,11 @@ class IngestPlan:
 
     def __post_init__(self) -> None:
         check_choice("match", self.match, MATCHES)
-        check_type("config", self.config, Config)
-        if self.is_packed:
-            check_storable(self.config)
         for name, kind in _OPTION_TYPES.items():
             if getattr(self, name) is not None:
                 check_type(name, getattr(self, name), kind)
+        if self.is_packed:
+            check_storable(self.config)
         if self.progress is not None and not callable(self.progress):
             raise TypeError(f"`progress` must be a function, got {type(self.progress).__name__}")
         if self.hierarchy is not None and self.match != "anatomy":
@@ -165,10 +164,11 @@ class IngestResult(Generic[T]):
     errors: Mapping[str, Exception]  # of refused clips, by address or name
     match_notes: Mapping[str, Sequence[str]]  # names of clips matched by anatomy, by note
 
-    def raise_first_error(self) -> None:
-        """Raise the error of the first refused clip, if there is one."""
-        for error in self.errors.values():
+    def checked(self, plan: IngestPlan) -> Self:
+        """Return the result; if the plan is strict, raise the error of the first refused clip."""
+        for error in self.errors.values() if plan.strict else ():
             raise error
+        return self
 
 
 def ingest_motions(found: Iterable[FoundClip], plan: IngestPlan) -> IngestResult[IngestedClip]:
@@ -193,9 +193,7 @@ def ingest_fitting(
         result = ingest_pending(pending, spec, plan, store)
         chosen = choose_spec(result.properties, plan)
         if chosen.is_equivalent(spec):
-            if plan.strict:
-                result.raise_first_error()
-            return result
+            return result.checked(plan)
         restart()
         spec = chosen
 
@@ -346,8 +344,7 @@ def warn_of_clips(entries: Sequence[ClipInfo], result: IngestResult[T], *, stack
     def warn(message: str) -> None:
         warnings.warn(message, stacklevel=stacklevel + 2)
 
-    table = _describe_hierarchies(result)
-    if table:
+    if table := _describe_hierarchies(result):
         warn(table)
     for note, names in result.match_notes.items():
         warn(f"joints matched by anatomy, {join_names(names, _MAX_WARNINGS)}: {note}")

@@ -161,11 +161,9 @@ def hash_library(library: LibraryData) -> str:
     library has the same hash in memory and in a folder.
     """
     clips = []
-    for index in range(len(_original_clips(library)[0])):
-        info = library.entries[index]
+    for index, info in enumerate(library.entries[: len(_original_clips(library)[0])]):
         file = info.source_file
-        poses = hash_poses(library.clips[index]) if file is None else ""
-        content = poses if file is None else join_address(file.sha256, file.clip)
+        content = join_address(file.sha256, file.clip) if file else hash_poses(library.clips[index])
         clips.append([info.name, content, info.rate_override, info.n_frames])
     config, build_fields = library.config.as_dict(), library.config.fields_of(*BUILD_STAGES)
     document = {
