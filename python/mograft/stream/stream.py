@@ -175,8 +175,12 @@ class Stream:
     @constraints.setter
     def constraints(self, constraints: Sequence[Constraint]) -> None:
         check_stream_constraints(constraints, self._skeleton, self._search.clips)
-        new = [own for own in constraints if own not in self.constraints]
-        check_free_frames(new, self.first_free_frame)
+        free = self.first_free_frame
+        for own in constraints:
+            if own.frames is not None and own.frames[1] < free and own not in self.constraints:
+                found = f"{type(own).__name__} up to frame {own.frames[1]}"
+                expected = f"the first free frame, {free}, or later"
+                raise ValueError(f"`constraints` must apply to {expected}, got {found}")
         self._search.set_constraints(constraints)
 
     @property
@@ -405,12 +409,3 @@ def check_stream_constraints(
         if not constraint.applies_to_group(""):
             raise ValueError(f"`constraints` of a stream must have no group, got {name} with one")
         constraint.donor_errors(no_segments, no_segments, clips)
-
-
-def check_free_frames(constraints: Sequence[Constraint], first_free_frame: int) -> None:
-    """Raise ValueError for a constraint that applies only to frames that are committed."""
-    for constraint in constraints:
-        if constraint.frames is not None and (last := constraint.frames[1]) < first_free_frame:
-            found = f"{type(constraint).__name__} up to frame {last}"
-            expected = f"the first free frame, {first_free_frame}, or later"
-            raise ValueError(f"`constraints` must apply to {expected}, got {found}")
