@@ -77,6 +77,19 @@ def test_held_poses_are_not_in_common(takes):
     assert not len(find_shared_clips(library, ~ours, ours))
 
 
+@pytest.mark.parametrize("n_clips", [0, 1])
+def test_clips_without_movement_have_nothing_in_common(takes, n_clips):
+    """No segment is compared: none of them moves, or there is none."""
+    rest = {
+        name: getattr(takes[1], name)[:1].repeat(90, axis=0) for name in ("rotations", "positions")
+    }
+    held = replace(takes[1], **rest, channel_values=None, name="held")
+    library = mg.Library.build([held, takes[0], takes[3]])
+    ours = np.arange(3) < n_clips
+    assert not len(find_shared_clips(library, ours, ~ours))
+    assert not len(find_shared_clips(library, ~ours, ours))
+
+
 UNITS = {
     "auto:clip": range(6),
     "auto:file": [0, 0, 1, 1, 2, 2],

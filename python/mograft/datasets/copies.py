@@ -41,8 +41,9 @@ def find_shared_clips(library: Library, ours: BoolArray, others: BoolArray) -> I
     """
     index = _SegmentIndex(library, np.flatnonzero(ours[library.segments.clip]))
     found = np.zeros(len(library.segments), bool)
-    for quats in _poses(library, np.flatnonzero(others), index.joints):
-        found[index.find(quats)] = True
+    if len(index.segments):
+        for quats in _poses(library, np.flatnonzero(others), index.joints):
+            found[index.find(quats)] = True
     return np.unique(library.segments.clip[found])
 
 
@@ -136,7 +137,7 @@ class _SegmentIndex:
 def _features(quats: FloatArray) -> FloatArray:
     """Return two columns of each rotation matrix, which do not depend on signs, (n, n_features)."""
     axes = [rotations.rotate(quats, np.eye(3)[axis]) for axis in (0, 1)]
-    return np.concatenate(axes, axis=2).reshape(len(quats), -1)
+    return np.concatenate(axes, axis=2).reshape(len(quats), 6 * quats.shape[1])
 
 
 def _hash(cells: FloatArray) -> IntArray:

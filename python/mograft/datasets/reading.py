@@ -125,9 +125,8 @@ def measure(windows: Augmentation, folder: str | PathLike[str]) -> Detectability
     """
     check_type("windows", windows, Augmentation)
     with (Path(fspath(folder)) / TABLE).open(encoding="utf-8", newline="") as stream:
-        every = list(
-            dict.fromkeys((row["base"], int(row["draw"])) for row in csv.DictReader(stream))
-        )
+        found = dict.fromkeys((row["base"], int(row["draw"])) for row in csv.DictReader(stream))
+    every = list(found)
     rows = np.unique(np.linspace(0, len(every) - 1, min(len(every), _MAX_GRAFTS)).round())
     draws: dict[str, list[int]] = {}
     for row in rows.astype(int).tolist():
