@@ -120,9 +120,16 @@ def test_balance_unsupported_arguments_raise():
         static_balance(motion)
     with pytest.raises(InsufficientDataError, match="frames for derivatives"):
         dynamic_balance(DANCE[:3], floor_reference=DANCE)
-    support = support_polygons(DANCE[:10], floor_reference=DANCE)
-    with pytest.raises(ValueError, match="20 frames"):
-        static_balance(DANCE[:20], support=support)
+
+
+@pytest.mark.parametrize("measure", [static_balance, dynamic_balance])
+@pytest.mark.parametrize("n_frames", [1, 19, 21])
+def test_balance_support_of_other_frames_raises_value_error(measure, n_frames):
+    """Support of one frame would be that of every frame."""
+    support = support_polygons(DANCE[:n_frames], floor_reference=DANCE)
+    message = f"`support` must have 20 frames, as the motion has, got {n_frames}"
+    with pytest.raises(ValueError, match=message):
+        measure(DANCE[:20], support=support)
 
 
 def test_balance_row_random_balances_equals_counted_rates():
