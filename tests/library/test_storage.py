@@ -7,6 +7,7 @@ import shutil
 import sqlite3
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
@@ -35,7 +36,6 @@ from tests.library.checks import assert_same_libraries, list_files
 from tests.strategies import few_examples, motions
 
 
-@pytest.mark.filterwarnings("ignore")
 @settings(max_examples=10, suppress_health_check=list(HealthCheck))
 @given(motions(min_frames=60, min_joints=3), st.sampled_from((1.0, 2.0, 0.37)), st.booleans())
 def test_save_and_open_restore_every_bit(tmp_path, motion, speed, paper):
@@ -46,7 +46,9 @@ def test_save_and_open_restore_every_bit(tmp_path, motion, speed, paper):
     numbers = motion.channel_numbers()
     numbers[: 2 * paper] = np.nan
     clips = [motion, other, replace(motion, channel_values=numbers)]
-    built = Library.build(clips, groups, Config.paper() if paper else Config())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        built = Library.build(clips, groups, Config.paper() if paper else Config())
     built.save(tmp_path / "l", force=True)
     assert_same_libraries(Library.open(tmp_path / "l"), built)
     assert storage.verify(tmp_path / "l") == []
