@@ -225,7 +225,7 @@ MISTAKES = [
     ("augment lib -o x -n 5 --bases none", RUNTIME, "--bases must match"),
     ("augment lib -o x -n 5 --features roots", RUNTIME, "did you mean 'root'?"),
     ("augment lib -o x.bvh -n 5", USAGE, "-o must be a folder"),
-    ("augment a.bvh -o x -n 3 -j 2", USAGE, "--jobs requires a library in a folder"),
+    ("augment clips -o x -n 3 -j 2", USAGE, "--jobs requires a library in a folder"),
     ("augment lib -o x -n 0", USAGE, "--count: must be from 1 to 10000000"),
     ("find lib --text x --part upper", USAGE, "--part requires a clip or file before LIB"),
     ("find none lib", RUNTIME, "must be a clip"),
