@@ -13,7 +13,7 @@ import numpy as np
 from mograft._util.atomic import draft_folder, sync, write_bytes
 from mograft._util.validate import check_choice, check_type
 from mograft.datasets.curation import Choice, Curation
-from mograft.datasets.shards import to_csv
+from mograft.io.csv import to_csv
 from mograft.library.library import Library
 from mograft.viewing.page import Page, assemble_page, viewer_html
 from mograft.viewing.report import REPORT_STYLE, curve_svg, wide_table

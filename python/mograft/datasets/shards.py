@@ -1,10 +1,9 @@
 """Files of a data set: several windows in a shard."""
 
-import csv
 import io
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +14,6 @@ from mograft._util.atomic import write_bytes
 from mograft._util.names import portable_stem
 from mograft.datasets.augmentation import Encode, Window
 from mograft.io.bvh.writer import write_bvh
-from mograft.io.csv import without_formula
 from mograft.io.glb import write_glb
 from mograft.io.lerobot import episode_file, meta_files, to_parquet
 from mograft.motion.motion import Motion
@@ -105,11 +103,3 @@ def write_files(folder: Path, files: Files) -> None:
         path = folder / name
         os.makedirs(path.parent, exist_ok=True)
         write_bytes(path, data)
-
-
-def to_csv(rows: Iterable[Sequence[object]]) -> bytes:
-    """Return rows as CSV, with an apostrophe before texts that a spreadsheet would compute."""
-    text = io.StringIO(newline="")
-    safe = ([without_formula(own) if isinstance(own, str) else own for own in row] for row in rows)
-    csv.writer(text, lineterminator="\n").writerows(safe)
-    return text.getvalue().encode("utf-8", "replace")

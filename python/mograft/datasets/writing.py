@@ -23,9 +23,9 @@ from mograft._util.validate import as_integer, check_choice, check_type
 from mograft.datasets.augmentation import PROVENANCE, Augmentation, Window
 from mograft.datasets.executors import call_each, check_executor
 from mograft.datasets.features import FEATURES
-from mograft.datasets.shards import FORMATS, SHARD_SIZE, Files, to_csv, write_files
+from mograft.datasets.shards import FORMATS, SHARD_SIZE, Files, write_files
 from mograft.errors import MograftError
-from mograft.io.csv import without_formula
+from mograft.io.csv import to_csv, without_formula
 from mograft.library.origin import hash_library
 
 SCHEMA = "mograft.dataset/1"

@@ -1,8 +1,9 @@
-"""CSV: world positions of the joints as a table."""
+"""CSV: world positions of the joints, and tables that a spreadsheet reads as texts."""
 
 import csv
 import io
 import os
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from mograft._util.atomic import write_bytes
@@ -55,3 +56,11 @@ def write_csv(motion: Motion, path: str | os.PathLike[str]) -> None:
 def without_formula(text: str) -> str:
     """Return a text, prefixed with an apostrophe if a spreadsheet would read it as a formula."""
     return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text
+
+
+def to_csv(rows: Iterable[Sequence[object]]) -> bytes:
+    """Return rows as CSV, with an apostrophe before texts that a spreadsheet would compute."""
+    text = io.StringIO(newline="")
+    safe = ([without_formula(own) if isinstance(own, str) else own for own in row] for row in rows)
+    csv.writer(text, lineterminator="\n").writerows(safe)
+    return text.getvalue().encode("utf-8", "replace")
