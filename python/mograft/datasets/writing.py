@@ -122,7 +122,8 @@ def _request(windows: Augmentation, count: int, format_: str) -> dict[str, Any]:
         "stride": windows.stride,
         "features": list(windows.features),
         "joints": list(library.skeleton.names),
-        **{name: getattr(windows, name) for name in ("seed", "epoch", "variants", "min_new")},
+        **{"seed": windows.seed, "epoch": windows.epoch},
+        **{"variants": windows.variants, "min_new": windows.min_new},
     }
 
 
@@ -251,7 +252,7 @@ class _Run:
             write_bytes(self.folder / TABLE, ",".join(PROVENANCE).encode() + b"\n" + body)
         more: dict[str, Any] = {"report": self._report()}
         if (meta := FORMATS[self.request["format"]].meta) is not None:
-            document = {name: getattr(self, name) for name in ("request", "features", "shards")}
+            document = {"request": self.request, "features": self.features, "shards": self.shards}
             write_files(self.folder, files := meta(self.folder, document))
             more["files"] = _entries(files)
         document = self.write_manifest(**more)
