@@ -18,7 +18,7 @@ import mograft as mg
 from mograft import datasets
 from mograft._util.workers import worker_processes
 from mograft.dancer import dance
-from mograft.datasets import reading, shards, writing
+from mograft.datasets import measuring, shards, writing
 from mograft.datasets.augmentation import PROVENANCE
 
 
@@ -261,14 +261,14 @@ def test_command_and_python_give_the_same_bytes(stored, tmp_path, succeed):
 def test_measure_compares_grafts_of_the_set(windows, stored, tmp_path, monkeypatch, succeed):
     pytest.importorskip("sklearn", reason="scikit-learn is not installed")
     datasets.write(windows, tmp_path / "set", 12)
-    built, compare = [], reading.detectability
-    monkeypatch.setattr(reading, "detectability", lambda *arguments: built.append(arguments))
+    built, compare = [], measuring.detectability
+    monkeypatch.setattr(measuring, "detectability", lambda *arguments: built.append(arguments))
     rows = {int(own["window"]): own for own in provenance(tmp_path / "set")}
     shown = list(dict.fromkeys((own["base"], own["draw"]) for own in rows.values()))
     assert {draw for _, draw in shown} == {"0", "1"}
     found = datasets.read_set(tmp_path / "set")
     for limit, expected in ((2, [shown[0], shown[-1]]), (64, shown)):
-        monkeypatch.setattr(reading, "_MAX_GRAFTS", limit)
+        monkeypatch.setattr(measuring, "_MAX_GRAFTS", limit)
         datasets.measure(windows, tmp_path / "set")
         _, grafts, seed = built.pop()
         assert seed == windows.seed
@@ -279,7 +279,7 @@ def test_measure_compares_grafts_of_the_set(windows, stored, tmp_path, monkeypat
                 if (row["base"], row["draw"]) == (base, draw):
                     own = graft.motion.rotations[int(row["base_start"]) : int(row["base_stop"]) + 1]
                     assert np.array_equal(own.astype(np.float32), found[index]["rotations"])
-    monkeypatch.setattr(reading, "detectability", compare)
+    monkeypatch.setattr(measuring, "detectability", compare)
     words = f"augment {stored.folder} -o {tmp_path}/cli -n 3 --seconds 2 --measure --json"
     out, err = succeed(*words.split())
     assert json.loads(out)["detectability"] is None

@@ -11,7 +11,8 @@ from mograft.datasets.curation_files import curation_page, write_choice
 from mograft.datasets.features import FEATURES
 from mograft.datasets.finding import Hit, find
 from mograft.datasets.humanml import humanml3d
-from mograft.datasets.reading import DataSet, measure, read_set
+from mograft.datasets.measuring import measure
+from mograft.datasets.reading import DataSet, read_set
 from mograft.datasets.writing import write
 
 __all__ = [

@@ -20,7 +20,7 @@ from mograft.datasets.curation import curate
 from mograft.datasets.curation_files import curation_table, write_choice
 from mograft.datasets.features import DEFAULT_FEATURES
 from mograft.datasets.finding import Hit, find
-from mograft.datasets.reading import measure
+from mograft.datasets.measuring import measure
 from mograft.datasets.splits import Part
 from mograft.datasets.writing import write
 from mograft.errors import join_names
