@@ -246,7 +246,8 @@ def detect(pairs_of_split: Sequence[Pairs], folds: Sequence[IntArray], seed: int
 
 def empty_detection() -> Detection:
     """Return a detection without values."""
-    return Detection(*[Estimate.without_value(0, "windows", "block bootstrap")] * 2)
+    none = Estimate.without_value(0, "windows", "block bootstrap")
+    return Detection(gross=none, fine=none)
 
 
 def score_fold(pairs: Pairs, fold_of_block: IntArray, fold: int) -> TestedFold | None:

@@ -275,7 +275,8 @@ def _complete(update: _Update, result: _Ingested) -> None:
         cuts = [(clip.segments, clip.is_donor) for clip in clips]
         library = join_clips(LibraryData, cuts, entries, samples, groups, spec, config)
         library = compare(library, plan.report)
-    library = replace(library, refused={**(base.refused if base else {}), **reasons})
+    known = {} if base is None else base.refused
+    library = replace(library, refused={**known, **reasons})
     plan.report("writing", 0, 1)
     states = _boundary_parts(update, clips, library)
     generation.commit_library(writer, library, [clip.location for clip in clips], states, plan.rate)

@@ -238,9 +238,14 @@ def build_partial_library(
     specification. Every segment is a cluster by itself. Raise an error of `read_clip` if a file
     cannot be read, and ValueError if a clip does not fit.
     """
-    skeleton = origin.hierarchy or read_clip(addresses[0], skeleton=origin.rest).skeleton
-    shared = ("rate", "root", "up", "match", "rest")
-    spec = LibrarySpec(skeleton=skeleton, **{name: getattr(origin, name) for name in shared})
+    spec = LibrarySpec(
+        skeleton=origin.hierarchy or read_clip(addresses[0], skeleton=origin.rest).skeleton,
+        rate=origin.rate,
+        root=origin.root,
+        up=origin.up,
+        match=origin.match,
+        rest=origin.rest,
+    )
     ingested = [_ingest(*own, config, spec) for own in zip(clips, addresses, strict=True)]
     entries = [own.info._replace(name=clip.name) for clip, own in zip(clips, ingested, strict=True)]
     library = assemble(library_type, ingested, entries, groups, spec, config)

@@ -1,6 +1,7 @@
 """The pictures of a film: moving figures, drawn with Pillow."""
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -60,8 +61,10 @@ def draw_pictures(
     colours = {name: pair[int(dark)] for name, pair in _COLOURS.items()}
     width, height = size
     edges = np.linspace(0, width, len(motions) + 1).round().astype(int).tolist()
-    sizes = [(max(width, 1), height) for width in np.diff(edges).tolist()]
-    panels = [_Panel(*own, groups, colours) for own in zip(motions, sizes, strict=True)]
+    panels = [
+        _Panel(motion, (max(right - left, 1), height), groups, colours)
+        for motion, (left, right) in zip(motions, pairwise(edges), strict=True)
+    ]
     font = ImageFont.load_default(max(height // 30, 10))
     corner = (width - height // 40, height - height // 40)
     n_frames = max(motion.n_frames for motion in motions)
