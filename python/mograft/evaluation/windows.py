@@ -178,8 +178,10 @@ class GraftWindows:
         base, row = np.unique(places, axis=0, return_inverse=True)
         (clip, frame), row = base.T, row.reshape(-1)
         block = self.frames.block[self.frames.offsets[clip] + frame]
-        used = tuple(map(np.union1d, donor_blocks, block[row]))
-        return Pairs(self._extract(self.library.clips, clip, frame), new, row, block, used)
+        pairs = zip(donor_blocks, block[row].tolist(), strict=True)
+        used = tuple(np.union1d(several, own) for several, own in pairs)
+        captured = self._extract(self.library.clips, clip, frame)
+        return Pairs(captured, new, row, block, used)
 
     def _extract(self, motions: Sequence[Motion], index: IntArray, frame: IntArray) -> Windows:
         """Return the windows around the frames `frame` of the motions that have the given indices.
