@@ -28,6 +28,7 @@ MISTAKES = [
     (("avoid", "change", "keep", "take"), "swapped range", r"(\d+s?)-(\d+s?)$", r"\2-\1"),
     (("reach",), "swapped range", r"^(\d+)-(\d+)", r"\2-\1"),
     (("avoid", "face", "change", "keep"), "dots", r"(\d)-(\d)", r"\1..\2"),
+    (("avoid", "face", "change", "keep"), "the word to", r"(\ds?)-(\d)", r"\1 to \2"),
     (("reach", "face", "change", "keep"), "long unit", r"(\d)s\b", r"\1sec"),
     (("reach", "avoid", "face"), "semicolons", r",", ";"),
     (("reach", "avoid", "face"), "blanks", r",", " "),

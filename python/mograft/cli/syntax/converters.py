@@ -42,7 +42,7 @@ def _correct(text: str) -> Iterator[str]:
 
 def _meaning(text: str) -> list[str]:
     """Return the numbers and words of a text: a correction that changes them would be a guess."""
-    parts = re.findall(r"\d*\.?\d+|[^\W\d]+", re.sub(r"\.\.+", " ", text))
+    parts = re.findall(r"\d*\.?\d+|[^\W\d]+", re.sub(r"\.\.+|\bto\b", " ", text))
     return sorted("s" if own in ("sec", "secs", "second", "seconds") else own for own in parts)
 
 
