@@ -89,3 +89,11 @@ def test_constraint_costs_are_one_penalty_for_the_greatest_hard_amount_and_all_s
     assert found.is_feasible.tolist() == [False, True]
     assert found.costs().tolist() == [4 * INFEASIBLE_PENALTY + 4.5, 2.0]
     assert ConstraintViolations.from_amounts([], [], 2).costs().tolist() == [0.0, 0.0]
+
+
+def test_constraint_costs_of_nan_are_0_but_the_candidate_is_not_feasible():
+    """One NaN in a cost would change the donors of all positions."""
+    hard = Reach("a", (0, 0, 0), 0)
+    found = ConstraintViolations.from_amounts([hard], [np.array([np.nan, np.inf, 0.5])], 3)
+    assert found.costs().tolist() == [0.0, np.inf, 0.0]
+    assert found.is_feasible.tolist() == [False, False, True]

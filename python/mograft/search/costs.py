@@ -203,9 +203,10 @@ class ConstraintViolations:
         """Return the sum of all constraint costs of each candidate, shape (n,).
 
         The greatest violation of a hard constraint costs ``INFEASIBLE_PENALTY · (1 + amount)`` if
-        its amount is above 1.
+        its amount is above 1; NaN is not.
         """
-        return np.where(self.is_feasible, 0.0, INFEASIBLE_PENALTY * (1.0 + self.hard)) + self.soft
+        penalties = INFEASIBLE_PENALTY * (1.0 + self.hard)
+        return np.where(self.hard > 1.0, penalties, 0.0) + self.soft
 
 
 def origin_violations(
