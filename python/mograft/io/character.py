@@ -9,7 +9,7 @@ from mograft.errors import join_names
 from mograft.io.clips import errors_of_file
 from mograft.io.fbx import figure_joints, load_scene, open_fbx, read_rest_pose
 from mograft.io.formats import find_format
-from mograft.io.glb import MAX_IMAGE_BYTES
+from mograft.io.gltf.copy_content import MAX_IMAGE_BYTES
 from mograft.io.gltf.document import GltfFile, read_gltf_file
 from mograft.io.gltf.writer import Addition, append_animations, transform
 from mograft.motion import rotations

@@ -14,8 +14,9 @@ from mograft._util.names import unique_names
 from mograft._util.validate import check_type
 from mograft.errors import DAMAGE, SkeletonMismatchError, suggest_name
 from mograft.io.export_figure import ROTATIONS_TO_Y_UP
-from mograft.io.glb import GltfBuffer, Json, copy_content
+from mograft.io.glb import GltfBuffer, Json
 from mograft.io.gltf.animation import Animation, animation_names
+from mograft.io.gltf.copy_content import copy_content
 from mograft.io.gltf.document import GltfFile, read_gltf_file
 from mograft.io.gltf.grafts import complete, find_original, provenance, with_provenance
 from mograft.io.gltf.nodes import SCALE_TOLERANCE, Transforms, remove_mirroring
