@@ -111,8 +111,13 @@ def find_faults(motion: Motion) -> tuple[Fault, ...]:
     frozen (0, 39) nothing moves for 1.30 s
     """
     check_type("motion", motion, Motion)
-    of_steps = (_frame_time, _implausible_steps, _implausible_rotations)
-    return tuple(own for find in (*of_steps, _frozen_spans, _angle_wraps) for own in find(motion))
+    return (
+        *_frame_time(motion),
+        *_implausible_steps(motion),
+        *_implausible_rotations(motion),
+        *_frozen_spans(motion),
+        *_angle_wraps(motion),
+    )
 
 
 def _frame_time(motion: Motion) -> Iterator[Fault]:

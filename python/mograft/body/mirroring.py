@@ -94,8 +94,14 @@ def mirror(motion: Motion) -> Motion:
     sites.sort(key=lambda site: site.parent)
     mirrored = replace(skeleton, offsets=offsets, end_sites=tuple(sites))
     quats = quats if image.is_symmetric else rotations.continuous_signs(quats)
-    changes = {"rotations": quats, "positions": positions, "channel_values": None, **NO_FILE}
-    return replace(motion, skeleton=mirrored, **changes)
+    return replace(
+        motion,
+        skeleton=mirrored,
+        rotations=quats,
+        positions=positions,
+        channel_values=None,
+        **NO_FILE,
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -227,10 +227,14 @@ class Motion(ReadOnlyArrays):
         if hinges is not None:
             own = self.skeleton.parents, quats, self.rotations, np.ones(self.n_joints, bool)
             quats = hinges.keep(*own, rate)
-        places = resample_segment_positions(self.positions, *bounds)
-        changes: dict[str, Any] = {"channel_values": None, "computed_values": None}
-        changes |= {"rotations": quats, "positions": places}
-        return replace(self, frame_time=self.duration / intervals, **changes)
+        return replace(
+            self,
+            frame_time=self.duration / intervals,
+            rotations=quats,
+            positions=resample_segment_positions(self.positions, *bounds),
+            channel_values=None,
+            computed_values=None,
+        )
 
     def locomotion_root(self) -> int:
         """Return the index of the joint that moves the body through the world.

@@ -94,9 +94,16 @@ def read_bvh(source: BvhFile, *, strict: bool = False, add_offsets: bool = False
     rotations, positions = channels_to_transforms(header.skeleton, values, add_offsets=add_offsets)
     # The name of an open file may not be a path; that of standard input is "<stdin>".
     path = Path(label) if os.path.exists(label) else None
-    arrays, name = (rotations, positions, values), "" if path is None else path.stem
-    frame_time = header.frame_time
-    return Motion(header.skeleton, frame_time, *arrays, name=name, path=path, repairs=repairs)
+    return Motion(
+        header.skeleton,
+        header.frame_time,
+        rotations,
+        positions,
+        channel_values=values,
+        name="" if path is None else path.stem,
+        path=path,
+        repairs=repairs,
+    )
 
 
 def open_bvh(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001

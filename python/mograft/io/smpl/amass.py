@@ -213,9 +213,13 @@ def _in_order_of(file: AmassFile, motion: Motion) -> Motion:
         ordered = Skeleton(model.joints, model.parents, skeleton.offsets[order], channels)
         above = np.where(model.parents < 0, -1, np.array(order)[model.parents])
         if np.array_equal(skeleton.parents[order], above):
-            changes: dict[str, Any] = {"skeleton": ordered, "channel_values": None}
-            changes |= {own: getattr(motion, own)[:, order] for own in ("rotations", "positions")}
-            return replace(motion, **changes)
+            return replace(
+                motion,
+                skeleton=ordered,
+                rotations=motion.rotations[:, order],
+                positions=motion.positions[:, order],
+                channel_values=None,
+            )
     expected = f"the {len(model.joints)} joints of {model.name}, as in {file.archive.path}"
     got = f"{skeleton.n_joints} joints, the first of which is {skeleton.names[0]}"
     raise SkeletonMismatchError(f"`motion` must have {expected}, got {got}")

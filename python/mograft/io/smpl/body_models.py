@@ -108,11 +108,19 @@ def _model(name: str, *joints: str, **widths: int) -> BodyModel:
     return BodyModel(name, joints, dict(zip(widths, starmap(slice, bounds), strict=True)))
 
 
-_WIDTHS = {"root_orient": 3, "pose_body": 63}
 SMPL = _model("SMPL", *BODY_JOINTS, *_PALMS, root_orient=3, pose_body=69)
-SMPL_H = _model("SMPL-H", *BODY_JOINTS, *_hands(), **_WIDTHS, pose_hand=90)
-_WIDTHS |= {"pose_jaw": 3, "pose_eye": 6, "pose_hand": 90}
-SMPL_X = _model("SMPL-X", *BODY_JOINTS, *_FACE, *_hands(), **_WIDTHS)
+SMPL_H = _model("SMPL-H", *BODY_JOINTS, *_hands(), root_orient=3, pose_body=63, pose_hand=90)
+SMPL_X = _model(
+    "SMPL-X",
+    *BODY_JOINTS,
+    *_FACE,
+    *_hands(),
+    root_orient=3,
+    pose_body=63,
+    pose_jaw=3,
+    pose_eye=6,
+    pose_hand=90,
+)
 MODELS = (SMPL, SMPL_H, SMPL_X)
 
 
