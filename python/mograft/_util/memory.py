@@ -19,9 +19,9 @@ def check_memory(work: str, n_bytes: int, remedy: str) -> None:
         return
     available = _core.available_memory()
     if n_bytes > available:
-        need = f"{work} needs about {n_bytes / 1e9:.1f} GB of memory"
-        rest = f"{available / 1e9:.1f} GB are available"
-        raise MemoryBudgetError(f"{need}, and {rest}: {remedy}")
+        needed, free = (f"{own / 1e9:.1f} GB" for own in (n_bytes, available))
+        message = f"{work} needs about {needed} of memory, and {free} are available: {remedy}"
+        raise MemoryBudgetError(message)
 
 
 def reuse_freed_arrays() -> None:

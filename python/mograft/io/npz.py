@@ -339,9 +339,10 @@ def open_npz(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
 def _to_motion(archive: NpzArchive) -> Motion:
     """Return the motion in a file; if it has no name, it is named after the file."""
     if f"{archive.prefix}format" not in archive.headers:
-        expected = "mograft (`format`), AMASS (`poses`, `trans`) or Kimodo (`posed_joints`, "
-        got = f"`global_rot_mats`), got {join_names(sorted(archive.headers)) or 'no arrays'}"
-        raise FormatError(f"expected the arrays of {expected}{got}", archive.path)
+        kimodo = "Kimodo (`posed_joints`, `global_rot_mats`)"
+        expected = f"the arrays of mograft (`format`), AMASS (`poses`, `trans`) or {kimodo}"
+        got = join_names(sorted(archive.headers)) or "no arrays"
+        raise FormatError(f"expected {expected}, got {got}", archive.path)
     given = str(archive.read("format", (), "U", "text"))
     if given != _FORMAT:
         raise archive.error("format", f"expected {_FORMAT}, got {given}")

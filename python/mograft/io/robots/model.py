@@ -157,14 +157,14 @@ class _MjcfReader:
         axis = joint.numbers("axis", 3, "0 0 1")
         if not axis.any():
             raise element.error("expected an axis with a length above 0, got 0 0 0")
-        limits = (-NO_LIMIT, NO_LIMIT)
+        angles = (-NO_LIMIT, NO_LIMIT)
         limited = known.get("limited", "auto")
         if limited == "true" or (limited == "auto" and "range" in known and self.limits_by_range):
             low, high = (self.unit * joint.numbers("range", 2)).tolist()
             if low > high:
                 raise element.error(f"expected an ascending range, got {known['range']}")
-            limits = (low, high)
-        return [BodyJoint(name, axis, joint.numbers("pos", 3, "0 0 0"), limits)]
+            angles = (low, high)
+        return [BodyJoint(name, axis, joint.numbers("pos", 3, "0 0 0"), angles)]
 
     def turn(self, element: XmlElement) -> FloatArray:
         """Return the rotation of a body relative to its parent, xyzw."""

@@ -84,6 +84,6 @@ def read_xml(path: Path) -> XmlElement:
     try:
         parser.Parse(data, True)  # noqa: FBT003 - the end of the file
     except (expat.ExpatError, LookupError) as error:
-        line, message = f"line {parser.CurrentLineNumber}", f"of a robot (MJCF, URDF): {error}"
-        raise FormatError(f"expected XML {message}", path, line) from None
+        message = f"expected XML of a robot (MJCF, URDF): {error}"
+        raise FormatError(message, path, f"line {parser.CurrentLineNumber}") from None
     return top.children[0]
