@@ -167,9 +167,6 @@ def test_segments_selected_equal_segments_of_selected_frames(indices):
         assert not np.shares_memory(column, getattr(segments, name))
 
 
-DANCES = [dance(seed=seed, strides=1).motion for seed in range(2)]
-
-
 def segment_bounds(energies, config, rate=30.0):
     """Return the bounds after all energies are pushed at once."""
     segmenter = OnlineSegmenter(rate, config)

@@ -21,9 +21,14 @@ ORDERS = ("XYZ", "XZY", "YZX", "YXZ", "ZXY", "ZYX")
 
 INHERIT_RRSS, INHERIT_RSRS, INHERIT_RRS = 0, 1, 2
 PROPERTIES = {"T": "Lcl Translation", "R": "Lcl Rotation", "S": "Lcl Scaling"}
-PIVOTS = [f"{own}_{kind}" for own in ("rotation", "scaling") for kind in ("offset", "pivot")]
-VECTORS = {"pre": "PreRotation", "post": "PostRotation"}
-VECTORS |= {name: name.title().replace("_", "") for name in PIVOTS}
+VECTORS = {
+    "pre": "PreRotation",
+    "post": "PostRotation",
+    "rotation_offset": "RotationOffset",
+    "rotation_pivot": "RotationPivot",
+    "scaling_offset": "ScalingOffset",
+    "scaling_pivot": "ScalingPivot",
+}
 
 
 @dataclass(frozen=True)

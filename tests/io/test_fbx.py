@@ -64,10 +64,10 @@ def random_scene(rng, n_nodes=4, n_frames=3, *, is_scaled=True, inherit=1, **set
         for number in range(n_nodes)
     ]
     tracks, shape = {}, (n_frames, 3)
-    for pair in product(range(n_nodes), "TRS"):
+    for number, key in product(range(n_nodes), "TRS"):
         if rng.random() < 0.8:
-            size = sizes.get(pair[1], 0)
-            tracks[pair] = scales(shape) if pair[1] == "S" else rng.uniform(-size, size, shape)
+            is_scale, size = key == "S", sizes.get(key)
+            tracks[number, key] = scales(shape) if is_scale else rng.uniform(-size, size, shape)
     return Scene(tuple(nodes), (Take("walk", n_frames, (Layer(tracks),), first=2),), **settings)
 
 
@@ -188,8 +188,14 @@ def null(name, parent=-1):
     return Node(name, parent, kind="Null")
 
 
-HERO = (null("scale"), Node("hips", 0), null("twist", 1), Node("hand", 2), null("sword", 3))
-HERO = (*HERO, null("camera"))
+HERO = (
+    null("scale"),
+    Node("hips", 0),
+    null("twist", 1),
+    Node("hand", 2),
+    null("sword", 3),
+    null("camera"),
+)
 NULLS = (null("a"), null("b", 0), null("c"))
 
 

@@ -11,7 +11,7 @@ from mograft.dancer import dance
 from tests.hierarchies import DATA
 from tests.oracles import paper_method as oracle
 
-pytestmark = pytest.mark.filterwarnings("ignore")  # of faults in the recordings
+pytestmark = pytest.mark.filterwarnings("ignore:paper_shape_.* excluded as donors")
 
 SOURCES = [(name, rate) for name in ("dancer", "A", "B") for rate in (30.0, 120.0)]
 
