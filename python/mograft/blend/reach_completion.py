@@ -78,7 +78,7 @@ class _Task:
     targets: FloatArray  # in each of the frames, (n, 3)
 
     def touches(self, other: "_Task", n_blend: int) -> bool:
-        """Return whether this task and `other` move the same limb in frames that are too close.
+        """Return whether this task and `other` move the same limb at times whose blends meet.
 
         If both move the same joint, the frames with targets must not overlap. If they move two
         joints of the limb, the `n_blend` frames before and after must not overlap either.

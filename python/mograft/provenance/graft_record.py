@@ -333,7 +333,7 @@ def find_clip(record: GraftRecord, clip: origin.ClipRecord, sources: Iterable[st
 def read_motion(
     values: Mapping[str, Any], record: GraftRecord, sources: Iterable[str] = ()
 ) -> Motion:
-    """Read the motion of a `Character` of a constraint of a graft."""
+    """Read the motion of a `Character`, an obstacle that a constraint of a graft names."""
     clip = origin.ClipRecord.from_json(values)
     return replace(read_clip(find_clip(record, clip, sources)), name=clip.name)
 

@@ -157,7 +157,7 @@ def project_text(project: Project, history: History, texts: Mapping[str, str], f
 
 
 def read_project(path: Path) -> tuple[Project, History, dict[str, Record]]:
-    """Read a project file: the project, its history and the records by key.
+    """Return the project in a file, its history, and the records of grafts by their keys.
 
     Raise FormatError, which names the file and the key, if it is not a project or is damaged, and
     OSError if it cannot be read.

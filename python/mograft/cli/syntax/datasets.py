@@ -81,7 +81,7 @@ class CurateOptions(options.WriterOptions, section="output"):
         "radius in cluster diameter thresholds of the library (default: 1)"
     )
     keep: values.Percentage | None = setting(
-        "share of the frames to keep, such as 10%, instead of a radius"
+        "share of the frames to keep, such as 0.1 or 10%; the radius follows from it"
     )
     part: values.Name | None = option("joint group that is compared (default: all groups)")
     shards: values.Count = setting(

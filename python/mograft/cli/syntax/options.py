@@ -218,7 +218,7 @@ class RecordOptions(Options, section="input"):
         "of blending keeps all donors; LIB|FILE is needed only if files have moved",
     )
     project: values.File | None = option(
-        "project of mograft studio, whose kept motions are made again, without the studio",
+        "project file of mograft studio; writes the motions that it keeps, with the same bytes",
         is_expert=True,
     )
 
