@@ -13,7 +13,6 @@ from mograft import EndSite, Motion, Skeleton, write_bvh, write_video
 from mograft.cli import main
 from mograft.dancer import dance
 from mograft.io.export_figure import PALETTE
-from mograft.viewing.film_pictures import draw_pictures
 from tests.browser import chromium
 from tests.io.recorded_files import DATA, require
 from tests.strategies import HOSTILE_NAMES
@@ -114,20 +113,6 @@ def test_write_video_short_motion_keeps_last_frame(motion, tmp_path):
         assert (shares(half) > 0.0005).all()
     assert (np.abs(right[12] - right[-1]).max() <= 2).all()
     assert np.abs(left[12] - left[-1]).max() > 60
-
-
-@settings(max_examples=10, deadline=None)
-@given(st.integers(1, 12), st.integers(1, 12), st.integers(1, 12))
-def test_draw_pictures_block_length_gives_same_pictures(motion, block, first, second):
-    motions = [motion[:first], motion[10 : 10 + second]]
-    films = []
-    for length in (256, block):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("mograft.viewing.film_pictures._FRAMES_PER_BLOCK", length)
-            pictures = draw_pictures(motions, 30.0, SIZE, None, dark=False)
-            films.append([picture.tobytes() for picture in pictures])
-    assert len(films[0]) == max(first, second)
-    assert films[0] == films[1]
 
 
 @pytest.mark.parametrize("name", [*HOSTILE_NAMES, "엉덩이", "x" * 500])
