@@ -13,6 +13,7 @@ from mograft import EndSite, Motion, Skeleton, write_bvh, write_video
 from mograft.cli import main
 from mograft.dancer import dance
 from mograft.io.export_figure import PALETTE
+from mograft.viewing.film_pictures import draw_pictures
 from tests.browser import chromium
 from tests.io.recorded_files import DATA, require
 from tests.strategies import HOSTILE_NAMES
@@ -121,6 +122,14 @@ def test_write_video_hostile_names_succeed(tmp_path, name):
     motion = Motion(lone, 0.1, [[[0, 0, 0, 1]]] * 2, [[[0, 0, 0]]] * 2, name=name)
     write_video([motion] * 70, tmp_path / "m.gif", size=(64, 64))  # more than pixels
     assert frames_of(tmp_path / "m.gif")[0].shape == (64, 64, 3)
+
+
+def test_draw_pictures_single_joint_draws_the_floor():
+    lone = Skeleton(["a"], [-1], [[0, 0, 0]])
+    motion = Motion(lone, 0.1, [[[0, 0, 0, 1]]] * 2, [[[0, 0, 0]]] * 2)
+    first, second = draw_pictures([motion], 10.0, SIZE, None, dark=False)
+    assert len(np.unique(np.array(first))) > 1
+    assert first.size == second.size == SIZE
 
 
 @pytest.mark.parametrize(

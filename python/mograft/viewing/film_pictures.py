@@ -94,7 +94,7 @@ class _Panel:
         self.size = (_SUPERSAMPLING * size[0], _SUPERSAMPLING * size[1])
         self.colours = colours
         bones = [(parent, node) for node, parent in enumerate(drawn.parents) if parent >= 0]
-        self.bones = np.array(bones).reshape(-1, 2)
+        self.bones = np.array(bones, np.int64).reshape(-1, 2)
         self.radii = np.array([own.radius / drawn.height for own in drawn.bones[: len(bones)]])
         self.positions = (drawn.positions - [0, drawn.floor, 0]) / drawn.height
         group = figure.group_of_nodes(drawn.parents)
@@ -145,7 +145,7 @@ class _Panel:
         angles = np.arctan2(down, across)[:, None] + np.append(around, around + np.pi)
         corners = radii[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
         outlines = np.repeat(ends[..., :2], _CORNERS_PER_END, axis=1) + corners
-        return outlines.reshape(len(ends), -1).tolist()
+        return outlines.reshape(len(ends), 4 * _CORNERS_PER_END).tolist()
 
     def _floor_lines(self, focus: FloatArray) -> FloatArray:
         """Return the ends of the lines of a floor grid, x, y, x, y in pixels, shape (n_lines, 4).
