@@ -160,7 +160,7 @@ def _encode_figure(
         "group": figure.group_of_nodes(skeleton.parents),
         "energy": _energy_curve(figure.motion),
         **{"command": figure.command, "keep": figure.keep, "note": figure.note},
-        "isGraft": any(part.clip is not None for row in figure.rows for part in row.parts),
+        "isGraft": any(clip is not None for row in figure.rows for clip in row.parts["clip"]),
         "rows": [_encode_row(row, donors) for row in figure.rows],
     }
 
@@ -284,27 +284,19 @@ def _compress(data: bytes) -> str:
 
 def _encode_row(row: TimelineRow, donors: dict[str, int]) -> dict[str, Any]:
     parts = row.parts
-    angles = zip(*(part.seam_angles for part in parts), strict=True) if parts else [(), ()]
-    before, after = ([None if a is None else round(a, 2) for a in column] for column in angles)
     source = [
-        donors.setdefault(part.clip, len(donors)) if part.clip and part.is_exchanged else -1
-        for part in parts
+        donors.setdefault(clip, len(donors)) if clip and is_exchanged else -1
+        for clip, is_exchanged in zip(parts["clip"], parts["is_exchanged"], strict=True)
     ]
-
-    def column(name: str) -> list[Any]:
-        return [getattr(part, name) for part in parts]
-
     return {
         "group": row.group,
-        "grafted": any(part.clip is not None for part in parts),
-        **{name: column(name) for name in ("start", "stop", "cluster")},
-        **{"source": source, "first": column("donor_start"), "last": column("donor_stop")},
-        "stretch": np.round(column("stretch"), 4).tolist(),
-        **{"before": before, "after": after, "others": column("n_alternatives")},
+        "grafted": any(clip is not None for clip in parts["clip"]),
+        **{name: parts[name] for name in ("start", "stop", "cluster")},
+        **{"source": source, "first": parts["first"], "last": parts["last"]},
+        "stretch": np.round(parts["stretch"], 4).tolist(),
+        **{name: parts[name] for name in ("before", "after", "others")},
         "changes": [
-            {"start": own.start, "stop": own.stop, "first": own.donor_start, "last": own.donor_stop}
-            | {"source": donors.setdefault(own.clip or "", len(donors))}
-            for own in row.changes
+            {**own, "source": donors.setdefault(own["source"], len(donors))} for own in row.changes
         ],
     }
 

@@ -35,36 +35,41 @@ CandidateTable: TypeAlias = Mapping[str, Mapping[str, list[Any]]]
 """For each exchanged group, one list per quantity for all listed candidates."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TimelinePart:
-    """A segment of a joint group in the timeline."""
-
-    start: int  # First and last frame, both inclusive.
-    stop: int
-    cluster: int = -1  # In a graft, that of the donor; -1 if unknown.
-    clip: str | None = None  # Name of the donor's clip; None in a captured motion.
-    donor_start: int = 0  # First and last frame of the donor in its clip.
-    donor_stop: int = 0
-    is_exchanged: bool = False  # Whether the donor is another segment.
-    stretch: float = 0.0  # Relative change of the donor's duration.
-    seam_angles: tuple[float | None, float | None] = (None, None)  # Before and after, degrees.
-    n_alternatives: int | None = None  # Number of donors other than the segment itself.
-
-
 class TimelineRow(NamedTuple):
-    """One row of the timeline: the segments of one joint group of a motion."""
+    """One row of the timeline: the segments of one joint group of a motion.
+
+    Attributes
+    ----------
+    group : str
+        The group.
+    parts : dict of str to list
+        A value for each segment: its first and last frame ``start`` and ``stop``; its ``cluster``,
+        in a graft that of the donor, -1 if unknown. In a graft also the ``clip`` of the donor, its
+        ``first`` and ``last`` frame there; whether ``is_exchanged``, that is, the donor is another
+        segment; ``stretch``, the relative change of the donor's duration; the seam angles
+        ``before`` and ``after`` in degrees, None without a seam; ``others``, the number of donors
+        other than the segment itself. ``clip`` is None in a captured motion.
+    changes : list of dict
+        The ranges that `Graft.changes` replaced: ``start``, ``stop``, ``first``, ``last``, and the
+        name of the clip as ``source``.
+    """
 
     group: str
-    parts: tuple[TimelinePart, ...]
-    changes: tuple[TimelinePart, ...] = ()  # Ranges that `Graft.changes` replaced.
+    parts: Mapping[str, list[Any]]
+    changes: Sequence[Mapping[str, Any]] = ()
 
     @classmethod
     def of_clip(
         cls, group: str, start: IntArray, stop: IntArray, cluster: IntArray
     ) -> "TimelineRow":
         """Return the row of captured segments."""
-        columns = zip(start.tolist(), stop.tolist(), cluster.tolist(), strict=True)
-        return cls(group, tuple(TimelinePart(start=a, stop=b, cluster=c) for a, b, c in columns))
+        found = {"start": start.tolist(), "stop": stop.tolist(), "cluster": cluster.tolist()}
+        return cls(group, found | {name: [own] * len(start) for name, own in _CAPTURED.items()})
+
+
+_CAPTURED = {"clip": None, "first": 0, "last": 0, "is_exchanged": False, "stretch": 0.0}
+_CAPTURED |= dict.fromkeys(("before", "after", "others"))
+"""Values of `TimelineRow.parts` that only segments of grafts have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,27 +181,28 @@ def _recorded_figure(motion: Motion, record: GraftRecord) -> Figure:
 
 
 def _recorded_row(record: GraftRecord, group: str) -> TimelineRow:
-    seams = {
-        seam["frame"]: float(seam["gap_degrees"])
+    angles = {
+        seam["frame"]: round(float(seam["gap_degrees"]), 2)
         for seam in record.document["seams"]
         if seam["group"] == group
     }
-    parts = (
-        TimelinePart(
-            start=own.frames[0],
-            stop=own.frames[1],
-            clip=own.clip,
-            donor_start=own.clip_frames[0],
-            donor_stop=own.clip_frames[1],
-            is_exchanged=not own.is_own,
-            stretch=float(substitution["stretch"]),
-            seam_angles=(seams.get(own.frames[0]), seams.get(own.frames[1])),
-            n_alternatives=own.alternatives,
-        )
-        for own, substitution in zip(record.donors, record.document["substitutions"], strict=True)
-        if own.group == group
-    )
-    return TimelineRow(group, tuple(parts))
+    substitutions = record.document["substitutions"]
+    stretches = [float(own["stretch"]) for own in substitutions if own["group"] == group]
+    donors = [own for own in record.donors if own.group == group]
+    parts: dict[str, list[Any]] = {
+        "start": [own.frames[0] for own in donors],
+        "stop": [own.frames[1] for own in donors],
+        "cluster": [-1] * len(donors),
+        "clip": [own.clip for own in donors],
+        "first": [own.clip_frames[0] for own in donors],
+        "last": [own.clip_frames[1] for own in donors],
+        "is_exchanged": [not own.is_own for own in donors],
+        "stretch": stretches,
+        "before": [angles.get(own.frames[0]) for own in donors],
+        "after": [angles.get(own.frames[1]) for own in donors],
+        "others": [own.alternatives for own in donors],
+    }
+    return TimelineRow(group, parts)
 
 
 def recorded_base(

@@ -6,6 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain, count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +27,6 @@ from mograft.viewing.figure import (
     CandidateTable,
     Figure,
     ShownConstraint,
-    TimelinePart,
     TimelineRow,
     candidate_table,
     read_recorded,
@@ -261,34 +261,31 @@ def graft_figure(graft: Graft, candidates: CandidateTable | None = None) -> Figu
 
 
 def _graft_row(graft: Graft, group: str) -> TimelineRow:
-    labels = graft.library.labels[group]
     seams = (seam for seam in graft.seams if seam.group == group)
-    angles = {seam.frame: float(np.degrees(seam.gap)) for seam in seams}
-    substitutions = [s for s in graft.substitutions if s.group == group]
-    parts = (
-        TimelinePart(
-            start=s.start,
-            stop=s.stop,
-            cluster=int(labels[s.donor]),
-            clip=s.clip,
-            donor_start=s.donor_start,
-            donor_stop=s.donor_stop,
-            is_exchanged=not s.is_own,
-            stretch=s.stretch,
-            seam_angles=(angles.get(s.start), angles.get(s.stop)),
-            n_alternatives=count,
-        )
-        for s, count in zip(substitutions, graft.alternatives[group].tolist(), strict=True)
-    )
-    changes = (
-        TimelinePart(
-            start=own.frames[0],
-            stop=own.frames[1],
-            clip=own.clip if own.part is None else f"{own.part}: {own.clip}",
-            donor_start=own.clip_frames[0],
-            donor_stop=own.clip_frames[1],
-        )
+    angles = {seam.frame: round(float(np.degrees(seam.gap)), 2) for seam in seams}
+    donors = [s for s in graft.substitutions if s.group == group]
+    parts: dict[str, list[Any]] = {
+        "start": [s.start for s in donors],
+        "stop": [s.stop for s in donors],
+        "cluster": graft.library.labels[group][[s.donor for s in donors]].tolist(),
+        "clip": [s.clip for s in donors],
+        "first": [s.donor_start for s in donors],
+        "last": [s.donor_stop for s in donors],
+        "is_exchanged": [not s.is_own for s in donors],
+        "stretch": [s.stretch for s in donors],
+        "before": [angles.get(s.start) for s in donors],
+        "after": [angles.get(s.stop) for s in donors],
+        "others": graft.alternatives[group].tolist(),
+    }
+    changes = [
+        {
+            "start": own.frames[0],
+            "stop": own.frames[1],
+            "first": own.clip_frames[0],
+            "last": own.clip_frames[1],
+            "source": own.clip if own.part is None else f"{own.part}: {own.clip}",
+        }
         for own in graft.changes
         if own.group == group
-    )
-    return TimelineRow(group, tuple(parts), tuple(changes))
+    ]
+    return TimelineRow(group, parts, changes)

@@ -247,18 +247,16 @@ def _draw_row(
     axes: "Axes", row: TimelineRow, height: int, frames: tuple[int, int], inches_per_frame: float
 ) -> None:
     first, last = frames
-    clips = sorted({part.clip for part in row.parts if part.clip is not None})
-    for part in row.parts:
-        if part.stop <= first or part.start >= last:
+    clips = sorted({clip for clip in row.parts["clip"] if clip is not None})
+    columns = (row.parts[name] for name in ("start", "stop", "cluster", "clip", "is_exchanged"))
+    for start, stop, cluster, clip, is_exchanged in zip(*columns, strict=True):
+        if stop <= first or start >= last:
             continue
-        length, cluster = part.stop - part.start, part.cluster
         # Without clusters, the colour of an exchanged segment is that of the clip of its donor.
-        colour = cluster
-        if cluster < 0 and part.is_exchanged and part.clip is not None:
-            colour = clips.index(part.clip)
-        style: dict[str, Any] = {"hatch": "//////"} if part.is_exchanged else {}
+        colour = clips.index(clip) if cluster < 0 and is_exchanged else cluster
+        style: dict[str, Any] = {"hatch": "//////"} if is_exchanged else {}
         style |= {"facecolor": "0.75" if colour < 0 else cluster_colour(colour)}
         style |= {"edgecolor": "white", "linewidth": 0.8}
-        axes.broken_barh([(part.start, length)], (height - 0.4, 0.8), **style)
-        if cluster >= 0 and length * inches_per_frame > 0.07 * len(str(cluster)) + 0.05:
-            axes.text(part.start + 0.5 * length, height, str(cluster), **_NUMBER_STYLE)
+        axes.broken_barh([(start, stop - start)], (height - 0.4, 0.8), **style)
+        if cluster >= 0 and (stop - start) * inches_per_frame > 0.07 * len(str(cluster)) + 0.05:
+            axes.text(start + 0.5 * (stop - start), height, str(cluster), **_NUMBER_STYLE)
