@@ -56,7 +56,12 @@ class Page:
         return f"Page({self.title!r}, {len(self.html.encode()) / 1000:.0f} KB)"
 
     def _repr_html_(self) -> str:
-        return iframe_html(self.html, self.title)
+        # Isolated from the notebook around it; the title is for screen readers.
+        return (
+            f'<iframe sandbox="allow-scripts" srcdoc="{html.escape(self.html)}" '
+            f'title="{html.escape(self.title)}" '
+            'style="width:100%;height:620px;border:1px solid #8888;border-radius:8px"></iframe>'
+        )
 
     def save(self, path: str | os.PathLike[str], *, force: bool = False) -> Path:
         """Write the page to a file; a failure leaves no partial file.
@@ -168,8 +173,7 @@ def notebook_view(item: Motion | Graft) -> str:
     It has at most about two megabytes, because only every n-th frame of long motions is stored.
     """
     scene = Scene.of([item])
-    name = scene.figures[0].name
-    return iframe_html(viewer_page(scene, name, _MAX_NOTEBOOK_ROTATIONS).html, name)
+    return viewer_page(scene, scene.figures[0].name, _MAX_NOTEBOOK_ROTATIONS)._repr_html_()
 
 
 def viewer_html(scene: Scene, max_rotations: int = MAX_ROTATIONS, n_shown: int = _MAX_SHOWN) -> str:
@@ -230,18 +234,6 @@ def assemble_page(
         f'<body class="{kind}">\n{body}\n'
         + "\n".join(f"<script>{text}</script>" for text in scripts)
         + "\n</body></html>\n",
-    )
-
-
-def iframe_html(page: str, title: str) -> str:
-    """Return the HTML of an ``iframe`` that contains a page, isolated from the notebook around it.
-
-    `page` is HTML. `title` is the description for screen readers.
-    """
-    return (
-        f'<iframe sandbox="allow-scripts" srcdoc="{html.escape(page)}" '
-        f'title="{html.escape(title)}" '
-        'style="width:100%;height:620px;border:1px solid #8888;border-radius:8px"></iframe>'
     )
 
 
