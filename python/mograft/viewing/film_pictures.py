@@ -11,7 +11,7 @@ from mograft._util.gaussian import gaussian_filter_columns
 from mograft.body.groups import JointGroups
 from mograft.io.export_figure import PALETTE
 from mograft.motion.motion import Motion
-from mograft.viewing.geometry import Camera, DrawnSkeleton, front_yaw
+from mograft.viewing.geometry import DrawnSkeleton, front_yaw, project
 from mograft.viewing.scene import Scene
 
 if TYPE_CHECKING:
@@ -102,9 +102,8 @@ class _Panel:
         self.bone_colours = [PALETTE[group[p] % len(PALETTE)] for p in self.bones[:, 0]]
         path = self.positions[:, drawn.root][:, [0, 2]]
         self.focus = gaussian_filter_columns(path, _CAMERA_SMOOTHING_SECONDS * motion.rate)
-        beside, tilt = np.radians([_CAMERA_YAW_DEGREES, _CAMERA_TILT_DEGREES])
         front = front_yaw(motion.skeleton, self.positions[0])
-        self.camera = Camera(front + beside, tilt, _CAMERA_DISTANCE)
+        self.yaw = front + np.radians(_CAMERA_YAW_DEGREES)
         # The figure is smaller in a narrow panel, so that its sides are visible.
         self.zoom = min(self.size[1] * 0.7, self.size[0] * 0.85)
         name = "".join(c for c in figure.name if c.isprintable())[:_MAX_NAME_LENGTH]
@@ -166,7 +165,8 @@ class _Panel:
         The columns hold x and y in pixels and the share of full size. The camera is directed at a
         point above the floor: `focus`, given as (x, z).
         """
-        across, high, size = self.camera.project(positions - np.insert(focus, 1, 0.5))
+        offsets, tilt = positions - np.insert(focus, 1, 0.5), np.radians(_CAMERA_TILT_DEGREES)
+        across, high, size = project(offsets, self.yaw, tilt, _CAMERA_DISTANCE)
         picture_x = 0.5 * self.size[0] + self.zoom * across
         picture_y = 0.52 * self.size[1] - self.zoom * high
         return np.stack([picture_x, picture_y, size], axis=-1)

@@ -1,4 +1,4 @@
-"""What is drawn of a motion: nodes with y up, bones and their widths; the camera of films."""
+"""What is drawn of a motion: nodes with y up, bones and their widths; the projection of films."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -172,37 +172,36 @@ def _to_y_up(motion: Motion) -> FloatArray:
     return np.array(_UPRIGHT[axis]) * np.array([[sign], [sign], [1.0]])
 
 
-@dataclass(frozen=True)
-class Camera:
-    """A camera that looks at the middle of a figure; angles in radians, lengths in body heights.
+def project(
+    offsets: FloatArray, yaw: float, tilt: float = 0.0, distance: float = inf
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the picture of points by a camera that looks at the middle of a figure.
 
-    Attributes
+    Parameters
     ----------
+    offsets : ndarray, shape (..., 3)
+        Offsets of the points from the middle of the figure in body heights, y up.
     yaw : float
-        Angle about the vertical axis between the camera and the direction +z, positive towards +x.
+        Angle about the vertical axis between the camera and the direction +z, positive towards +x,
+        in radians.
     tilt : float
-        Angle of the view below the horizontal.
+        Angle of the view below the horizontal, in radians.
     distance : float
-        Distance from the middle of the figure. Infinite: a parallel projection.
+        Distance from the middle of the figure in body heights. Infinite: a parallel projection.
+
+    Returns
+    -------
+    right, up, size : ndarray, shape (...)
+        Coordinates to the right and up in the picture, and the share of full size: 1 at the
+        distance of the middle, and above 1 nearer.
     """
-
-    yaw: float
-    tilt: float = 0.0
-    distance: float = inf
-
-    def project(self, offsets: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return coordinates to the right and up in the picture, and the share of full size.
-
-        `offsets`, shape (..., 3), are those from the middle of the figure, with y up. The results
-        have shape (...). The share is 1 at the distance of the middle, and above 1 nearer.
-        """
-        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
-        x, up, z = np.moveaxis(offsets, -1, 0)
-        across, near = cos * x - sin * z, sin * x + cos * z
-        high = np.cos(self.tilt) * up - np.sin(self.tilt) * near
-        near = np.cos(self.tilt) * near + np.sin(self.tilt) * up
-        size = 1.0 / (1.0 - near / self.distance)
-        return size * across, size * high, size
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    x, up, z = np.moveaxis(offsets, -1, 0)
+    across, near = cos * x - sin * z, sin * x + cos * z
+    high = np.cos(tilt) * up - np.sin(tilt) * near
+    near = np.cos(tilt) * near + np.sin(tilt) * up
+    size = 1.0 / (1.0 - near / distance)
+    return size * across, size * high, size
 
 
 def front_yaw(skeleton: Skeleton, positions: FloatArray) -> float:

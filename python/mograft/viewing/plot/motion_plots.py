@@ -13,7 +13,7 @@ from mograft.config import Config
 from mograft.io.export_figure import PALETTE
 from mograft.motion.motion import Motion
 from mograft.viewing.figure import TimelineRow
-from mograft.viewing.geometry import Camera, DrawnSkeleton, front_yaw
+from mograft.viewing.geometry import DrawnSkeleton, front_yaw, project
 from mograft.viewing.scene import Item, Scene
 
 if TYPE_CHECKING:
@@ -102,8 +102,8 @@ def strip(
     figure = Scene.of([motion], groups).figures[0]
     skeleton = DrawnSkeleton.of(motion[first : last + 1])
     nodes = skeleton.positions[drawn - first] / skeleton.height
-    camera = Camera(front_yaw(motion.skeleton, nodes[0]) + np.radians(_VIEW_DEGREES))
-    sideways, upright, _ = camera.project(nodes - nodes[:, [skeleton.root]])
+    yaw = front_yaw(motion.skeleton, nodes[0]) + np.radians(_VIEW_DEGREES)
+    sideways, upright, _ = project(nodes - nodes[:, [skeleton.root]], yaw)
     upright = upright + nodes[:, [skeleton.root], 1] - nodes[..., 1].min()
     bones = [[node, parent] for node, parent in enumerate(skeleton.parents) if parent >= 0]
     ends = sorted({end for bone in bones for end in bone})
