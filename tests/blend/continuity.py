@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from mograft import Config
-from mograft.blend.donor_timeline import DonorTimeline, SegmentTimes
+from mograft.blend.donor_timeline import DonorTimeline
 from mograft.blend.seam_treatments import SEAM_TREATMENTS
 from mograft.blend.seams import ROTATIONS, TRANSLATIONS
 from mograft.motion import rotations
@@ -32,8 +32,8 @@ def random_donors(lengths, seed, speed=0.3, **config):
 
 def close_at(timeline, space, track, times):
     """Values of donors at any times, with the gaps at seams closed."""
-    values = timeline.sample(space, track, times)
-    seams = timeline.piece_times(times), timeline.boundaries(space, track)
+    values = timeline.sample(space, track, *times)
+    seams = timeline.piece_times(*times), timeline.boundaries(space, track)
     return SEAM_TREATMENTS[timeline.config.seam].close(values, *seams)
 
 
@@ -50,7 +50,7 @@ def jumps(timeline, space, track):
     """
 
     def on(segment):
-        return lambda frames: close_at(timeline, space, track, SegmentTimes(segment, frames))
+        return lambda frames: close_at(timeline, space, track, (segment, frames))
 
     n = timeline.cut.lengths
     left = np.arange(len(n) - 1)

@@ -35,15 +35,15 @@ def test_close_any_treatment_makes_values_continuous(space, lengths, seed, seam,
 def test_close_frames_out_of_reach_are_unchanged(lengths, seed, seam):
     (timeline, tracks), treatment = random_donors(lengths, seed, seam=seam), SEAM_TREATMENTS[seam]
     times, blend = timeline.frame_times(), timeline.config.seam_blend
-    source = timeline.sample(ROTATIONS, tracks[ROTATIONS], times)
+    source = timeline.sample(ROTATIONS, tracks[ROTATIONS], *times)
     values = close_at(timeline, ROTATIONS, tracks[ROTATIONS], times)
     np.testing.assert_allclose(np.linalg.norm(values, axis=-1), 1.0, atol=1e-12)
     every = np.concatenate([[False], timeline.seams, [False]])
     if treatment.spans_segments:
         # Segments without a seam at either end.
-        unchanged = ~(every[:-1] | every[1:])[times.segment]
+        unchanged = ~(every[:-1] | every[1:])[times[0]]
     else:
-        pieces = timeline.piece_times(times)
+        pieces = timeline.piece_times(*times)
         unchanged = (pieces.seconds >= blend) | (pieces.piece == 0)
         if not treatment.is_causal:
             last = len(pieces.durations) - 1

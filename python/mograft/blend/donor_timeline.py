@@ -17,14 +17,6 @@ from mograft.motion.segments import Segments
 
 
 @dataclass(frozen=True, eq=False)
-class SegmentTimes:
-    """n points in time, each given as a base segment and the time since its start."""
-
-    segment: IntArray  # (n,): index of the segment
-    frames: FloatArray  # (n,): frames since the segment's start; fractions are allowed
-
-
-@dataclass(frozen=True, eq=False)
 class DonorTimeline:
     """The donor of every base segment, stretched to the length of that base segment."""
 
@@ -36,12 +28,15 @@ class DonorTimeline:
     seams: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
     alignment: AlignmentTransform | None = None  # of each donor of a root; None: as captured
 
-    def frame_times(self) -> SegmentTimes:
-        """Return the times of all frames; a frame shared by two base segments occurs twice."""
+    def frame_times(self) -> tuple[IntArray, FloatArray]:
+        """Return the base segment of each frame, and the number of frames since its start.
+
+        A frame that is shared by two base segments occurs twice.
+        """
         counts = self.cut.lengths + 1
         segment = np.repeat(np.arange(len(counts)), counts)
         frames = np.arange(len(segment)) - (np.cumsum(counts) - counts)[segment]
-        return SegmentTimes(segment, frames.astype(np.float64))
+        return segment, frames.astype(np.float64)
 
     @cached_property
     def kept_rows(self) -> IntArray:
@@ -51,17 +46,18 @@ class DonorTimeline:
         return np.delete(np.arange(last[-1] + 1), last[:-1][is_shared])
 
     def sample(
-        self, space: ValueSpace, tracks: Sequence[FloatArray], times: SegmentTimes
+        self, space: ValueSpace, tracks: Sequence[FloatArray], segment: IntArray, frames: FloatArray
     ) -> FloatArray:
         """Return the donors' values at n points in time, shape (n, n_joints, 4 or 3).
 
-        `tracks` are the values of each clip, shape (n_frames, n_joints, 4 or 3). At a frame of the
-        donor the result equals the value of that frame, bit for bit. Between frames the values are
-        interpolated by cubics, which also depend on the clip's frames just outside the donor.
+        The points are given as by `frame_times`; fractions of frames are allowed. `tracks` are the
+        values of each clip, shape (n_frames, n_joints, 4 or 3). At a frame of the donor the result
+        equals the value of that frame, bit for bit. Between frames the values are interpolated by
+        cubics, which also depend on the clip's frames just outside the donor.
         """
-        donors, segment = self.donors, times.segment
+        donors = self.donors
         # In this order divisions without remainder are exact.
-        elapsed = times.frames * donors.lengths[segment] / self.cut.lengths[segment]
+        elapsed = frames * donors.lengths[segment] / self.cut.lengths[segment]
         values = sample_clips(tracks, donors.clip[segment], donors.start[segment] + elapsed)
         if self.alignment is not None:
             _align(self.alignment[segment], space, values)
@@ -108,7 +104,7 @@ class DonorTimeline:
                 own = clip_states(tracks, clips, at.clip(0, last[clips]))[2]
                 accelerations += own * ((step - distance) / step**2)
 
-    def piece_times(self, times: SegmentTimes) -> PieceTimes:
+    def piece_times(self, segment: IntArray, frames: FloatArray) -> PieceTimes:
         """Convert times since the start of a segment to times since the start of a piece.
 
         A piece is the motion between two successive seams that are closed.
@@ -116,8 +112,8 @@ class DonorTimeline:
         seams = self._closed_seams
         first = np.concatenate([[0], seams + 1])
         last = np.append(seams, len(self.cut) - 1)
-        piece = np.searchsorted(seams, times.segment)
-        frames = self.cut.start[times.segment] - self.cut.start[first[piece]] + times.frames
+        piece = np.searchsorted(seams, segment)
+        frames = self.cut.start[segment] - self.cut.start[first[piece]] + frames
         durations = (self.cut.stop[last] - self.cut.start[first]) / self.rate
         return PieceTimes(piece, frames / self.rate, durations, self.config.seam_blend)
 
@@ -126,12 +122,13 @@ class DonorTimeline:
         config, treatment, kept = self.config, SEAM_TREATMENTS[self.config.seam], self.kept_rows
         if not tracks[0].shape[1]:
             return np.empty((len(kept), *tracks[0].shape[1:]))
-        times = self.frame_times()
-        rows, boundaries = self.sample(space, tracks, times), self.boundaries(space, tracks)
-        frames = SegmentTimes(times.segment[kept], times.frames[kept])
+        segment, frames = self.frame_times()
+        rows = self.sample(space, tracks, segment, frames)
+        times = self.piece_times(segment[kept], frames[kept])
+        boundaries = self.boundaries(space, tracks)
         closed = ClosedFrames(
             space=space,
-            values=treatment.close(rows[kept], self.piece_times(frames), boundaries),
+            values=treatment.close(rows[kept], times, boundaries),
             cut=self.cut,
             seams=np.flatnonzero(self.seams),
             window=round(min(config.seam_window * self.rate, self.cut.stop[-1])),

@@ -36,7 +36,7 @@ def graft_root(
     timeline = replace(timeline, seams=timeline.seams | timeline.find_seams(places))
     timeline = replace(timeline, alignment=_align_donors(base, timeline, tracks, joint, up))
     times = timeline.frame_times()
-    source = RootTransforms(*(timeline.sample(*own, times)[:, 0] for own in tracks.items()))
+    source = RootTransforms(*(timeline.sample(*own, *times)[:, 0] for own in tracks.items()))
     closed = RootTransforms(*(timeline.close(*own)[:, 0] for own in tracks.items()))
     root = _integrate(timeline, source, closed, up)
     return timeline.seams, _to_local(base, joint, root)
@@ -79,7 +79,7 @@ def _integrate(
 
     `source` is the aligned root at the times of `frame_times`, before seams are closed.
     """
-    inside = np.diff(timeline.frame_times().segment) == 0
+    inside = np.diff(timeline.frame_times()[0]) == 0
     steps = np.diff(source.positions, axis=0)
     steps = np.where(np.arange(3) == up, 0.0, steps)[inside]
     captured = np.concatenate([steps, yaw_rates(source.rotations, up)[inside, None]], axis=1)
