@@ -7,7 +7,6 @@ the weight) of all continuations of each candidate, and then once forwards to re
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -15,9 +14,6 @@ from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.search.costs import PRESELECTION, CostModel
 from mograft.search.segment_pool import POSITIONS_PER_BATCH, SegmentPool, list_pairs
-
-_N_SEGMENT_BITS = 32
-_SEGMENT_BITS = (1 << _N_SEGMENT_BITS) - 1
 
 DonorSequences = dict[str, IntArray]
 """The donor sequence of each grafted group: the donor segment at each position."""
@@ -46,15 +42,12 @@ class Trellis:
         """Return the trellis of the positions from `start` up to, not including, `stop`."""
         return Trellis(self.unary[start:stop], self.pairwise[start : stop - 1])
 
-    def restrict_first(self, indices: IntArray) -> "Trellis":
-        """Return the trellis with only the candidates of the first position at `indices`."""
-        first = [own[indices] for own in self.pairwise[:1]]
-        return Trellis((self.unary[0][indices], *self.unary[1:]), (*first, *self.pairwise[1:]))
-
-    def restrict_last(self, indices: IntArray) -> "Trellis":
-        """Return the trellis with only the candidates of the last position at `indices`."""
-        last = [own[:, indices] for own in self.pairwise[-1:]]
-        return Trellis((*self.unary[:-1], self.unary[-1][indices]), (*self.pairwise[:-1], *last))
+    def fix(self, position: int, index: int) -> "Trellis":
+        """Return the trellis in which all other candidates of a position are forbidden."""
+        unary = [*self.unary]
+        unary[position] = np.full_like(unary[position], np.inf)
+        unary[position][index] = self.unary[position][index]
+        return Trellis(tuple(unary), self.pairwise)
 
     def slice_within(self, path: IntArray, start: int, stop: int) -> "Trellis":
         """Return the trellis of positions `start` to `stop - 1`; the others are fixed as in `path`.
@@ -240,36 +233,23 @@ class DonorTrellis:
         around = Trellis(
             (*costs.unary, np.zeros_like(costs.unary[0])), (*costs.pairwise, self.join)
         )
-        first = search(around)[-1:]
-        path = search(around.restrict_first(first).restrict_last(first))
-        return np.append(first, path[1:-1])
+        first = int(search(around)[-1])
+        return search(around.fix(0, first).fix(-1, first))[:-1]
 
     def donor_sequence(self, path: IntArray) -> IntArray:
         """Return the donor segment at each position of a path, shape (n_positions,)."""
-        starts, keys = self._flat
-        return keys[starts + path] & _SEGMENT_BITS
+        pairs = zip(self.candidates, path.tolist(), strict=True)
+        return np.array([own[index] for own, index in pairs], np.int64)
 
     def path(self, donors: IntArray) -> IntArray:
         """Return the path that visits a donor sequence; each donor must be among the candidates."""
-        starts, keys = self._flat
-        return np.searchsorted(keys, self._keys(np.arange(len(donors)), donors)) - starts
+        pairs = zip(self.candidates, donors.tolist(), strict=True)
+        return np.array([own.searchsorted(donor) for own, donor in pairs], np.int64)
 
     def is_listed(self, donors: IntArray) -> BoolArray:
         """Return whether the donor at each position is among the candidates."""
-        keys, wanted = self._flat[1], self._keys(np.arange(len(donors)), donors)
-        return keys[np.searchsorted(keys, wanted).clip(max=len(keys) - 1)] == wanted
-
-    @cached_property
-    def _flat(self) -> tuple[IntArray, IntArray]:
-        """Where each position starts among all candidates, and the `_keys` of all candidates."""
-        counts = np.array([len(own) for own in self.candidates], np.int64)
-        positions = np.repeat(np.arange(len(counts)), counts)
-        return np.cumsum(counts) - counts, self._keys(positions, np.concatenate(self.candidates))
-
-    @staticmethod
-    def _keys(positions: IntArray, segments: IntArray) -> IntArray:
-        """Return one number per candidate; the numbers ascend by position, then by segment."""
-        return (positions << _N_SEGMENT_BITS) + segments
+        pairs = zip(self.candidates, donors.tolist(), strict=True)
+        return np.array([donor in own for own, donor in pairs], bool)
 
 
 def _keep_cheapest(

@@ -249,12 +249,11 @@ class StreamSearch:
                 all_placed = candidates.sampled.place(end, config)
                 costs = costs + self.pose_costs(segment, group, all_placed[:, :-2], context)
             trellis = self._trellis(group, costs)
-            kept = np.arange(len(segment.donors))
             if all_placed is None and group in self._following:
-                kept = np.flatnonzero(segment.donors == self._following[group])
-                trellis = trellis.restrict_first(kept)
+                is_known = segment.donors == self._following[group]
+                trellis = trellis.fix(0, int(is_known.argmax()))
             path = DONOR_CHOICES[config.choice].choose_path(trellis, config, rng)
-            index = int(kept[path[0]])
+            index = int(path[0])
             if candidates.sampled is not None and all_placed is not None:
                 placed = candidates.sampled.select(all_placed, index)
             else:
