@@ -37,6 +37,6 @@ def world_jerk(
     rotations, positions = motion.rotations[frames], motion.positions[frames]
     jerks = np.zeros((len(rotations), len(joints)))
     for first in range(min(step, len(rotations))):
-        local = map(np.ascontiguousarray, (rotations[first::step], positions[first::step]))
-        jerks[first::step] = _core.world_jerk(motion.skeleton.parents, *local, joints)
+        quats, places = (np.ascontiguousarray(own[first::step]) for own in (rotations, positions))
+        jerks[first::step] = _core.world_jerk(motion.skeleton.parents, quats, places, joints)
     return jerks

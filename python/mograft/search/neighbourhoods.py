@@ -95,16 +95,21 @@ def _ball_members(
     if points is None:
         return [base[index : index + 1] for index in range(len(base))]
     order = np.argsort(points[:, 0], kind="stable")
-    by_first, ranks = np.ascontiguousarray(points[order]), np.argsort(order)[base]
+    by_first, ranks = points[order], np.argsort(order)[base]
     reach = sigma * (1.0 + 1e-9)  # the sum below is rounded
     first = np.searchsorted(by_first[:, 0], points[base, 0] - reach, side="left")
     last = np.searchsorted(by_first[:, 0], points[base, 0] + reach, side="right")
     found: list[IntArray] = []
     for low, high, rank in zip(first.tolist(), last.tolist(), ranks.tolist(), strict=True):
         near = np.arange(low, high)
-        distances = _core.distances(by_first, near, np.full(len(near), rank))
+        distances = point_distances(by_first, near, np.full(len(near), rank))
         found.append(np.sort(order[near[distances <= sigma]]))
     return found
+
+
+def point_distances(points: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
+    """Return the distance between the two points of each of n pairs, given by their indices."""
+    return _core.distances(np.ascontiguousarray(points), first, second)
 
 
 NEIGHBOURHOODS: dict[str, Neighbourhood] = {

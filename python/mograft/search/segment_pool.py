@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray, IntArray, make_read_only, split_by_counts
 from mograft._util.containers import SizedCache
 from mograft.analysis.embedding import Samples
@@ -26,7 +25,7 @@ from mograft.search.boundary_states import (
 )
 from mograft.search.copies import SegmentParts
 from mograft.search.costs import PRESELECTION, CostModel, length_fits
-from mograft.search.neighbourhoods import FEWEST_DONORS, NEIGHBOURHOODS
+from mograft.search.neighbourhoods import FEWEST_DONORS, NEIGHBOURHOODS, point_distances
 
 _SEGMENTS_PER_BATCH = 1 << 12  # base segments whose support margins are in memory
 _MAX_KNOWN_LISTS, _MAX_KNOWN_PAIRS = 4, 1 << 20  # bases whose candidates are kept; of each
@@ -216,7 +215,7 @@ class SegmentPool:
         """
         if self.points is None or not self.sigma > 0:
             return np.zeros(len(base))
-        return _core.distances(np.ascontiguousarray(self.points), donors, base) / self.sigma
+        return point_distances(self.points, donors, base) / self.sigma
 
     def added_imbalances(self, base: IntArray, donors: IntArray) -> FloatArray:
         """Return by how much donors raise the imbalance of base segments, shape (n,).
