@@ -1,7 +1,7 @@
 """Mass model, stature and feet of a skeleton."""
 
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -92,27 +92,10 @@ def mass_model(skeleton: Skeleton) -> MassModel:
     next part towards the trunk. Joints of the face, markers and ancestors of the hips have mass 0.
     In other skeletons each bone is a uniform rod with mass proportional to its length.
     """
-
-    def compute() -> MassModel:
-        sites = tuple((site.parent, site.offset.tobytes()) for site in skeleton.end_sites)
-        content = (skeleton.names, skeleton.parents.tobytes(), skeleton.offsets.tobytes(), sites)
-        return _cached_mass_model(_SkeletonKey(content, skeleton))
-
-    return remember(skeleton, "mass model", compute)
+    return remember(skeleton, "mass model", lambda: _compute_mass_model(skeleton))
 
 
-@dataclass(frozen=True)
-class _SkeletonKey:
-    """Cache key: equal for skeletons with equal names, hierarchy, offsets and end sites."""
-
-    content: tuple[object, ...]
-    skeleton: Skeleton = field(compare=False)
-
-
-# The clips of one actor share their bones.
-@lru_cache(maxsize=64)
-def _cached_mass_model(key: _SkeletonKey) -> MassModel:
-    skeleton = key.skeleton
+def _compute_mass_model(skeleton: Skeleton) -> MassModel:
     known = anatomy(skeleton)
     bone = _bone_vectors(skeleton, known)
     lengths = np.linalg.norm(bone, axis=1)
