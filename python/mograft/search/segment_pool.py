@@ -20,7 +20,6 @@ from mograft.search.boundary_states import (
     BoundaryStates,
     pose_gaps,
     pose_gaps_along,
-    velocity_gaps,
     velocity_gaps_along,
 )
 from mograft.search.copies import SegmentParts
@@ -60,25 +59,15 @@ class SegmentBalance:
         for first in range(0, len(starts), _SEGMENTS_PER_BATCH):
             bounds = np.append(starts, len(others))[first : first + _SEGMENTS_PER_BATCH + 1]
             batch = others[bounds[0] : bounds[-1]]
-            counts = np.diff(bounds)
-            added[batch] = self._compute(base[others[bounds[:-1]]], donors[batch], counts, seconds)
+            bases, own = base[others[bounds[:-1]]], donors[batch]
+            is_needed = np.zeros(len(seconds), bool)
+            is_needed[bases] = is_needed[own] = True
+            rows = np.cumsum(is_needed) - 1
+            offsets = self.mass_offsets(np.flatnonzero(is_needed))
+            operators = zero_moment_operators(offsets.shape[1], seconds[bases])
+            known = rows[bases], operators, self.support_margins(bases)
+            added[batch] = added_imbalances(offsets, known, rows[own], np.diff(bounds))
         return added
-
-    def _compute(
-        self, bases: IntArray, donors: IntArray, counts: IntArray, seconds: FloatArray
-    ) -> FloatArray:
-        """Return the `added_imbalances` of donors.
-
-        `donors` holds the donors of the first of `bases`, then those of the next, and so on;
-        `counts` are their numbers.
-        """
-        is_needed = np.zeros(len(seconds), bool)
-        is_needed[bases] = is_needed[donors] = True
-        rows = np.cumsum(is_needed) - 1
-        offsets = self.mass_offsets(np.flatnonzero(is_needed))
-        operators = zero_moment_operators(offsets.shape[1], seconds[bases])
-        margins = self.support_margins(bases)
-        return added_imbalances(offsets, (rows[bases], operators, margins), rows[donors], counts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,8 +264,7 @@ class SegmentPool:
 
     def pairwise_costs(self, left: IntArray, right: IntArray, model: CostModel) -> FloatArray:
         """Return the seam costs from each left to each right segment, shape (n_left, n_right)."""
-        ends, starts = self.boundary.last_velocity[left], self.boundary.first_velocity[right]
-        return model.pairwise(self.seam_angles(left, right), velocity_gaps(ends, starts))
+        return model.seam_costs(self.boundary[left], self.boundary[right])
 
     def pairwise_costs_along(
         self, candidates: Sequence[IntArray], model: CostModel

@@ -279,8 +279,6 @@ def find_evaluated_positions(problem: SearchProblem, group: str, context: Motion
     The errors of all candidates are 0 at the other positions. Joints that the group does not move
     move as in `context`. The group must not drive the root.
     """
-    if not problem.is_constrained_position.any():
-        return problem.is_constrained_position
     balls = reachable_balls(problem, group, context)
     bound = np.zeros(problem.base.n_frames)
     for constraint in problem.pose_constraints:
