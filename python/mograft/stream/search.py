@@ -26,7 +26,6 @@ from mograft.search.costs import (
     INFEASIBLE_PENALTY,
     PRESELECTION,
     ConstraintViolations,
-    CostModel,
     length_fits,
     origin_violations,
 )
@@ -51,13 +50,6 @@ class GroupCandidates:
     origin_costs: FloatArray  # with soft constraints on clip and length, and for copies of the base
     costs: FloatArray  # with pose constraints as well
     sampled: SampledDonors | None = None  # all candidates; None if no pose constraint applies
-    _seam_costs: FloatArray | None = field(default=None, init=False, repr=False)
-
-    def seam_costs_to(self, following: "GroupCandidates", model: CostModel) -> FloatArray:
-        """Return the seam costs to the candidates of the next segment; later calls reuse them."""
-        if self._seam_costs is None:
-            self._seam_costs = model.seam_costs(self.boundary, following.boundary)
-        return self._seam_costs
 
 
 @dataclass(eq=False, kw_only=True)
@@ -195,22 +187,8 @@ class StreamSearch:
     def _find_donors(self, samples: Samples, segment: Segments) -> tuple[IntArray, FloatArray]:
         """Return the donors of a base segment by neighbourhood and length, and their distances.
 
-        As in `SegmentPool.neighbours`, the nearest are added if there are too few.
-        """
-        reach = NEIGHBOURHOODS[self.config.neighbourhood].reach
-        members, distances = self._find_within(samples, segment, 1.0)
-        if reach > 1.0 and len(members) < FEWEST_DONORS:
-            members, distances = self._find_within(samples, segment, reach)
-            nearest = np.sort(np.argsort(distances, kind="stable")[:FEWEST_DONORS])
-            members, distances = members[nearest], distances[nearest]
-        return members, distances
-
-    def _find_within(
-        self, samples: Samples, segment: Segments, reach: float
-    ) -> tuple[IntArray, FloatArray]:
-        """Return the possible donors within some radii that fit, and their distances in radii.
-
-        Copies of all groups of the base segment are none.
+        As in `SegmentPool.neighbours`, the nearest are added if there are too few. Distances are in
+        radii. Copies of all groups of the base segment are no donors.
         """
         library, embedding, sigma = self._library, self._embedding, self._sigma
         if embedding is None:
@@ -219,15 +197,21 @@ class StreamSearch:
             features(samples, embedding.joints, embedding.reference, has_root=embedding.has_root)
         )
         neighbourhood = NEIGHBOURHOODS[self.config.neighbourhood]
-        members, distances = neighbourhood.find_near(self._members, point, reach * sigma)
-        if sigma > 0:
-            distances = distances / sigma
-        lengths = self._lengths[members]
-        fits = length_fits(segment.lengths, lengths, library.rate, self.config)
-        fitting = np.flatnonzero(library.is_donor[members] & fits)
-        copied = [pool.find_copies(samples, members[fitting]) for pool in self._pools.values()]
-        fitting = fitting[~np.all(copied, axis=0)]
-        return members[fitting], distances[fitting]
+        for reach in (1.0, neighbourhood.reach):
+            members, distances = neighbourhood.find_near(self._members, point, reach * sigma)
+            lengths = self._lengths[members]
+            fits = length_fits(segment.lengths, lengths, library.rate, self.config)
+            fits &= library.is_donor[members]
+            members, distances = members[fits], distances[fits] / (sigma or 1.0)
+            copied = [pool.find_copies(samples, members) for pool in self._pools.values()]
+            is_new = ~np.all(copied, axis=0)
+            members, distances = members[is_new], distances[is_new]
+            if len(members) >= FEWEST_DONORS:
+                break
+        if reach > 1.0:
+            nearest = np.sort(np.argsort(distances, kind="stable")[:FEWEST_DONORS])
+            members, distances = members[nearest], distances[nearest]
+        return members, distances
 
     def commit_first(self, rng: np.random.Generator) -> tuple[dict[str, ChosenDonor], Poses | None]:
         """Choose donors for the pending segments; commit those of the first, and remove it.
@@ -338,10 +322,9 @@ class StreamSearch:
         if group in self._committed:
             boundary = self._committed[group].boundary
             first_costs = first_costs + model.seam_costs(boundary, candidates[0].boundary)[0]
-        return Trellis(
-            (first_costs, *(following.costs for following in candidates[1:])),
-            tuple(before.seam_costs_to(after, model) for before, after in pairwise(candidates)),
-        )
+        ends = pairwise(own.boundary for own in candidates)
+        seam_costs = tuple(model.seam_costs(*pair) for pair in ends)
+        return Trellis((first_costs, *(own.costs for own in candidates[1:])), seam_costs)
 
 
 def _read_rotations(library: Library, segment: int) -> FloatArray:
