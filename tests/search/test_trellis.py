@@ -172,11 +172,3 @@ def test_slice_within_costs_differ_from_the_whole_path_by_a_constant(seed, data)
         whole[start:stop] = inner
         differences.append(path_cost(trellis, whole) - path_cost(window, inner))
     np.testing.assert_allclose(differences, differences[0], atol=1e-9)
-
-
-def test_searches_of_an_empty_trellis_return_the_empty_path():
-    empty = Trellis((), ())
-    assert viterbi(empty).shape == (0,)
-    assert [path.shape for path in k_best(empty, 3)] == [(0,)]
-    assert sample(empty, 1.0, np.random.default_rng(0)).shape == (0,)
-    assert [path.shape for path in diverse(empty, charges(empty, 1.0))] == [(0,)]

@@ -184,7 +184,7 @@ def charges(
     """
     model = cost_model(config, pool)
     counts = np.array([len(own) for own in trellis.candidates], np.int64)
-    candidates = np.concatenate([np.zeros(0, np.int64), *trellis.candidates])
+    candidates = np.concatenate(trellis.candidates)
     is_base = candidates == np.repeat(trellis.scenario, counts)
 
     def charge(path: IntArray) -> list[FloatArray]:

@@ -88,8 +88,6 @@ def viterbi(trellis: Trellis) -> IntArray:
     >>> viterbi(Trellis((np.array([0.0, 1.0]), np.array([3.0, 0.0])), (step,)))
     array([1, 1])
     """
-    if not len(trellis):
-        return np.zeros(0, np.int64)
     to_end = [trellis.unary[-1]]
     for unary, pairwise in zip(trellis.unary[-2::-1], trellis.pairwise[::-1], strict=True):
         to_end.append(unary + (pairwise + to_end[-1]).min(axis=1))
@@ -113,8 +111,6 @@ def k_best(trellis: Trellis, count: int) -> list[IntArray]:
     >>> [path.tolist() for path in k_best(trellis, 3)]
     [[0, 0], [1, 0], [0, 1]]
     """
-    if not len(trellis):
-        return [np.zeros(0, np.int64)] if count else []
     # Row i of `to_end` holds the costs of the cheapest continuations of candidate i, ascending.
     to_end = trellis.unary[-1][:, None]
     links: list[tuple[IntArray, IntArray]] = []
@@ -144,8 +140,6 @@ def sample(trellis: Trellis, temperature: float, rng: np.random.Generator) -> In
     (Carter and Kohn, Biometrika 81, 1994) with the directions exchanged: weights are summed from
     the last position to the first, in logarithms, and the path is drawn from the first to the last.
     """
-    if not len(trellis):
-        return np.zeros(0, np.int64)
     counts = np.array([len(costs) for costs in trellis.unary])
     pairwise = np.concatenate([np.zeros(0), *(costs.ravel() for costs in trellis.pairwise)])
     draws = rng.random(len(trellis))
@@ -215,10 +209,15 @@ class DonorTrellis:
         unary: list[FloatArray] = []
         for start in range(0, len(scenario), POSITIONS_PER_BATCH):
             batch = slice(start, start + POSITIONS_PER_BATCH)
-            own = None if constraint_costs is None else constraint_costs[batch]
-            found, costs = _keep_cheapest(pool, scenario[batch], candidates[batch], model, own)
+            base, found = scenario[batch], candidates[batch]
+            costs = pool.preselection_costs(*list_pairs(base, found), model)
+            if constraint_costs is not None:
+                costs = costs + np.concatenate(constraint_costs[batch])
+            found, own = model.keep_cheapest_of_each(base, found, costs, PRESELECTION)
+            costs = np.concatenate(own) + pool.further_costs(*list_pairs(base, found), model)
+            found, own = model.keep_cheapest_of_each(base, found, costs)
             kept += found
-            unary += costs
+            unary += own
         seam_costs = tuple(pool.pairwise_costs_along(kept, model))
         return cls(scenario, tuple(kept), Trellis(tuple(unary), seam_costs))
 
@@ -250,19 +249,3 @@ class DonorTrellis:
         """Return whether the donor at each position is among the candidates."""
         pairs = zip(self.candidates, donors.tolist(), strict=True)
         return np.array([donor in own for own, donor in pairs], bool)
-
-
-def _keep_cheapest(
-    pool: SegmentPool,
-    scenario: IntArray,
-    candidates: Sequence[IntArray],
-    model: CostModel,
-    constraint_costs: Sequence[FloatArray] | None,
-) -> tuple[list[IntArray], list[FloatArray]]:
-    """Return the cheapest candidates of some positions and their costs; see `DonorTrellis`."""
-    costs = pool.preselection_costs(*list_pairs(scenario, candidates), model)
-    if constraint_costs is not None:
-        costs = costs + np.concatenate(constraint_costs)
-    kept, unary = model.keep_cheapest_of_each(scenario, candidates, costs, PRESELECTION)
-    costs = np.concatenate(unary) + pool.further_costs(*list_pairs(scenario, kept), model)
-    return model.keep_cheapest_of_each(scenario, kept, costs)
