@@ -197,8 +197,6 @@ def _step_blocks(n_frames: int) -> Iterator[tuple[int, int]]:
 
 def _implausible_rotations(motion: Motion) -> Iterator[Fault]:
     """Yield the faults of single joints: ``glitch`` and ``flip``."""
-    if motion.n_frames < 2:
-        return
     limit = max(_GLITCH_SPIN * min(motion.frame_time, 1.0 / 30.0), _MIN_GLITCH_ANGLE)
     glitches: list[tuple[int, int, float]] = []  # frame before, joint, angle
     flips: list[tuple[int, int, float]] = []
@@ -250,7 +248,7 @@ def _frozen_spans(motion: Motion) -> Iterator[Fault]:
 
 
 def _angle_wraps(motion: Motion) -> Iterator[Fault]:
-    if motion.channel_values is None or motion.n_frames < 2:
+    if motion.channel_values is None:
         return
     skeleton = motion.skeleton
     for joint, columns in enumerate(skeleton.rotation_columns):

@@ -265,12 +265,8 @@ def list_candidates(
 
 def _neighbours_in_clip(segments: Segments, segment: int) -> tuple[int | None, int | None]:
     """Return the segments before and after a segment in its clip."""
-    clip = segments.clip[segment]
-    before, after = segment - 1, segment + 1
-    return (
-        before if before >= 0 and segments.clip[before] == clip else None,
-        after if after < len(segments) and segments.clip[after] == clip else None,
-    )
+    first, last = segments.of_clip(int(segments.clip[segment]))[[0, -1]]
+    return segment - 1 if segment > first else None, segment + 1 if segment < last else None
 
 
 def count_combinations(labels: IntArray, n_groups: int) -> int:

@@ -228,8 +228,6 @@ def _unsatisfiable(problem: SearchProblem, constraint: OnlyFrom) -> Iterator[Vio
     library, frames = problem.library, problem.base_segments
     positions = np.flatnonzero(overlaps(frames, constraint.frames)).tolist()
     lists = [own[position] for own in problem.candidates.values() for position in positions]
-    if not lists:
-        return
     if not constraint.selects(library.segments[np.concatenate(lists)], library.entries).any():
         span = (int(frames.start[positions[0]]), int(frames.stop[positions[-1]]))
         description = f"no candidate is from {constraint.describe_selection()}"
