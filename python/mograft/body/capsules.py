@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from mograft import _core
-from mograft._util.arrays import FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.body.anatomy import anatomy
 from mograft.body.mass import mass_model, up_axis
 from mograft.motion.motion import Motion
@@ -154,6 +154,9 @@ class Poses:
 
     def __len__(self) -> int:
         return len(self.frames)
+
+    def __getitem__(self, index: IntArray | BoolArray | slice) -> "Poses":
+        return self.with_poses(self.frames[index], self.rotations[index], self.positions[index])
 
     @cached_property
     def ends(self) -> FloatArray:

@@ -35,10 +35,7 @@ class PoseConstraint(Constraint):
             return self._applied_errors(poses, joints)
         error, joint = no_errors(poses)
         if applies.any():
-            some = poses.with_poses(
-                poses.frames[applies], poses.rotations[applies], poses.positions[applies]
-            )
-            error[applies], joint[applies] = self._applied_errors(some, joints)
+            error[applies], joint[applies] = self._applied_errors(poses[applies], joints)
         return error, joint
 
     def _applied_errors(self, poses: Poses, joints: BoolArray | None) -> Errors:

@@ -407,8 +407,7 @@ def _add_excess_after(
     index, later = np.nonzero(frames > ends[:, None])
     for chunk in split_by_count(np.arange(len(index)), np.ones(len(index), np.int64)):
         at = frames[later[chunk]]
-        still = poses.with_poses(at, poses.rotations[at], poses.positions[at])
-        moved = pose_excess(problem, moves[index[chunk]].apply_to_poses(still))
+        moved = pose_excess(problem, moves[index[chunk]].apply_to_poses(poses[at]))
         violations += stride * np.bincount(index[chunk], moved, len(ends))
 
 

@@ -322,10 +322,7 @@ class Stream:
             parts.append(Part(joints, own.placed.frames[new], base.positions[:, joints]))
         motion = self._with_continuous_signs(recombine(base, parts, base.name))
         if poses is not None:
-            new_poses = poses.with_poses(
-                poses.frames[new], poses.rotations[new], poses.positions[new]
-            )
-            violations += find_violations(segment.pose_constraints, new_poses)
+            violations += find_violations(segment.pose_constraints, poses[new])
         return StreamPiece(
             motion=motion,
             start=segment.start + new.start,
