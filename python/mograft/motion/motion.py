@@ -302,12 +302,8 @@ class Motion(ReadOnlyArrays):
         If there is no such frame, return zeros.
         """
         columns, values = self.skeleton.rotation_columns[joint], self.channel_values
-        for start in range(0, len(values) if values is not None else 0, _FRAMES_PER_BLOCK):
-            assert values is not None
-            angles = values[start : start + _FRAMES_PER_BLOCK, columns]
-            rows = np.flatnonzero(~np.isnan(angles).any(axis=1))
-            if len(rows):
-                return angles[rows[0]]
+        if values is not None and (is_known := ~np.isnan(values[:, columns]).any(axis=1)).any():
+            return values[is_known.argmax(), columns]
         return np.zeros(len(columns))
 
     def is_computed(self, numbers: FloatArray, start: int = 0) -> BoolArray:

@@ -180,10 +180,8 @@ def _donor_segments(library: Library, clips: Sequence[str] | str | None) -> IntA
     """Return the segments of the named clips, without excluded donors, ascending."""
     segments = np.flatnonzero(library.is_donor)
     if clips is not None:
-        words, names = as_words("clips", clips), library.names
-        is_named = np.zeros(len(names), bool)
-        is_named[find_matches("clips", words, names)] = True
-        segments = segments[is_named[library.segments.clip[segments]]]
+        named = find_matches("clips", as_words("clips", clips), library.names)
+        segments = segments[np.isin(library.segments.clip[segments], named)]
     if not len(segments):
         subject = "the library" if clips is None else "`clips`"
         raise ValueError(f"{subject} must have segments that are not excluded as donors, got none")
