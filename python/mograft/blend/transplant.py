@@ -89,16 +89,11 @@ def transplant(
         seams, grafted = graft_root(base, resized, timeline, root, group.up)
         timeline, moving = replace(timeline, seams=seams), moving & ~is_root
     quats = np.empty((base.n_frames, len(joints), 4))
-    blocks = _joint_blocks(cut, len(joints), max(clip.n_frames for clip in clips))
-    for block in blocks:
+    for block in _joint_blocks(cut, len(joints), max(clip.n_frames for clip in clips)):
         own, is_moving = joints[block], moving[block]
         tracks = [lean.upright_tracks(clip, block) for clip in clips]
         places = [clip.positions.take(own[is_moving], axis=1) for clip in resized]
-        turned = timeline.close(ROTATIONS, tracks)
-        if len(blocks) == 1:
-            quats = turned
-        else:
-            quats[:, block] = turned
+        quats[:, block] = timeline.close(ROTATIONS, tracks)
         if positions is not None:
             positions[:, block][:, is_moving] = timeline.close(TRANSLATIONS, places)
     if positions is not None and is_root.any():
