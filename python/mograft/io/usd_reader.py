@@ -24,8 +24,6 @@ from mograft.motion import limits
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
 
-_CHANNELS = ("translations", "rotations", "scales")
-
 _GRID_TOLERANCE = 1e-6
 """Deviation of keys from whole time codes that is tolerated, in time codes."""
 
@@ -264,7 +262,7 @@ def _sample(stage: Any, prim: Any, figure: _Figure, rate: float | None) -> Motio
     from pxr import UsdSkel
 
     animation = UsdSkel.Animation(prim)
-    attributes = {name: prim.GetAttribute(name) for name in _CHANNELS}
+    attributes = {name: prim.GetAttribute(name) for name in Transforms._fields}
     keys = np.unique([t for attribute in attributes.values() for t in attribute.GetTimeSamples()])
     codes_per_second = float(stage.GetTimeCodesPerSecond())
     with errors_of_file(figure.path, str(prim.GetPath())):
@@ -295,7 +293,7 @@ def _sample(stage: Any, prim: Any, figure: _Figure, rate: float | None) -> Motio
         norms = np.linalg.norm(local.rotations, axis=-1, keepdims=True)
         if (norms < 1e-6).any():
             raise ValueError("expected unit quaternions, got zero")
-    local = replace(local, rotations=local.rotations / norms)
+    local.rotations[...] /= norms
     turned, positions = to_world(figure.parents, local)
     first, rest = figure.first, figure.rest_pose()
     return rebase(rest, turned[:, first:], positions[:, first:], frame_time)
@@ -350,8 +348,8 @@ def _move_figure(figure: _Figure, local: Transforms, codes: FloatArray) -> None:
     for frame, code in enumerate(codes if is_moving else ()):
         cache = UsdGeom.XformCache(Usd.TimeCode(code))
         world = _to_transforms([cache.GetLocalToWorldTransform(figure.prim)])
-        for name in _CHANNELS:
-            getattr(local, name)[frame, 0] = getattr(world, name)[0, 0]
+        for values, own in zip(local, world, strict=True):
+            values[frame, 0] = own[0, 0]
 
 
 def _notes(stage: Any) -> tuple[str, ...]:  # noqa: ANN401

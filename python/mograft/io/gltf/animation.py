@@ -13,7 +13,8 @@ from mograft.io.gltf.nodes import Transforms
 from mograft.motion.limits import check_frames
 
 PATH_WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
-"""The animated properties of a node, and the number of components of a value."""
+"""The animated properties of a node, in the order of the fields of `Transforms`, and the number of
+components of a value."""
 
 _INTERPOLATIONS = {"STEP": 0, "LINEAR": 1, "CUBICSPLINE": 2}
 """Interpolations, and their numbers in the kernel."""
@@ -210,7 +211,7 @@ def sample(
     file its index in the result. Rotations of keys are normalized, except those of splines.
     """
     found = rest.of(np.arange(rest.scales.shape[1]), len(times))
-    arrays = {"translation": found.translations, "rotation": found.rotations, "scale": found.scales}
+    arrays = dict(zip(PATH_WIDTHS, found, strict=True))
     key_times = np.concatenate(animation.key_times)
     lengths = np.array([len(own) for own in animation.key_times], np.int64)
     used = [member[1] for members in animation.groups.values() for member in members]

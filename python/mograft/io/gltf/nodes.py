@@ -5,6 +5,7 @@ scale: the scale of a node moves the nodes below it, and is therefore part of wo
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +20,7 @@ SCALE_TOLERANCE = 1e-5
 writes constant scales of 1 with differences up to 1e-5."""
 
 
-@dataclass(frozen=True, eq=False)
-class Transforms:
+class Transforms(NamedTuple):
     """Local transforms of nodes: in every frame, or one pose with n_frames = 1."""
 
     translations: FloatArray  # shape (n_frames, n_nodes, 3)
@@ -29,8 +29,7 @@ class Transforms:
 
     def of(self, nodes: IntArray, n_frames: int) -> "Transforms":
         """Return one pose of some nodes, repeated in `n_frames` frames."""
-        arrays = (self.translations, self.rotations, self.scales)
-        return Transforms(*(np.repeat(array[:, nodes], n_frames, axis=0) for array in arrays))
+        return Transforms(*(np.repeat(array[:, nodes], n_frames, axis=0) for array in self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +174,7 @@ def _matrix_positions(
 
     The arguments are local rotations, scales and translations.
     """
-    linear = _to_matrices(turns) * scales[:, :, None, :]
+    linear = to_matrices(turns) * scales[:, :, None, :]
     positions = places.copy()
     for node, parent in enumerate(parents.tolist()):
         if parent >= 0:
@@ -185,13 +184,6 @@ def _matrix_positions(
     return positions
 
 
-def _to_matrices(quats: FloatArray) -> FloatArray:
+def to_matrices(quats: FloatArray) -> FloatArray:
     """Return the matrices, shape (..., 3, 3), of unit quaternions."""
-    x, y, z, w = np.moveaxis(quats, -1, 0)
-    matrices = np.empty((*quats.shape[:-1], 3, 3))
-    for row, (a, b, c) in enumerate(((x, y, z), (y, z, x), (z, x, y))):
-        following, last = (row + 1) % 3, (row + 2) % 3
-        matrices[..., row, row] = 1.0 - 2.0 * (b * b + c * c)
-        matrices[..., row, following] = 2.0 * (a * b - c * w)
-        matrices[..., row, last] = 2.0 * (a * c + b * w)
-    return matrices
+    return np.stack([rotations.rotate(quats, axis) for axis in np.eye(3)], axis=-1)

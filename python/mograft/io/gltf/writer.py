@@ -15,11 +15,11 @@ from mograft._util.validate import check_type
 from mograft.errors import DAMAGE, SkeletonMismatchError, suggest_name
 from mograft.io.export_figure import ROTATIONS_TO_Y_UP
 from mograft.io.glb import GltfBuffer, Json
-from mograft.io.gltf.animation import Animation, animation_names
+from mograft.io.gltf.animation import PATH_WIDTHS, Animation, animation_names
 from mograft.io.gltf.copy_content import copy_content
 from mograft.io.gltf.document import GltfFile, read_gltf_file
 from mograft.io.gltf.grafts import complete, find_original, provenance, with_provenance
-from mograft.io.gltf.nodes import SCALE_TOLERANCE, Transforms, remove_mirroring
+from mograft.io.gltf.nodes import SCALE_TOLERANCE, Transforms, remove_mirroring, to_matrices
 from mograft.io.rest_pose import POSITION_TOLERANCE, restore
 from mograft.motion import rotations
 from mograft.motion.motion import Motion, as_motions
@@ -226,11 +226,8 @@ def _animated_nodes(file: GltfFile, animated: set[int]) -> list[Json]:
     nodes, rest = list(file.container.items("nodes")), file.tree.rest
     for node in animated:
         if "matrix" in nodes[node]:
-            nodes[node] = nodes[node] | {
-                "translation": rest.translations[0, node].tolist(),
-                "rotation": rest.rotations[0, node].tolist(),
-                "scale": rest.scales[0, node].tolist(),
-            }
+            pairs = zip(PATH_WIDTHS, rest, strict=True)
+            nodes[node] = nodes[node] | {path: own[0, node].tolist() for path, own in pairs}
             del nodes[node]["matrix"]
     return nodes
 
@@ -345,8 +342,7 @@ def _local_tracks(
             quats[:, joint] = own
             fallback = nodes.translations[:, node]
             shifts[:, joint] = _solve(base, places[node] - origin, fallback)
-        columns = np.stack([rotations.rotate(own, np.eye(3)[i]) for i in range(3)], axis=-1)
-        axes[node] = base @ (columns * nodes.scales[:, node, None, :])
+        axes[node] = base @ (to_matrices(own) * nodes.scales[:, node, None, :])
     return rotations.continuous_signs(quats), shifts
 
 
