@@ -5,7 +5,6 @@ read only from the folder of the file and its subfolders.
 """
 
 import base64
-import binascii
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -121,7 +120,7 @@ class Container:
             self.fail(place, f"expected base64 data, got {_shorten(header)}")
         try:
             return memoryview(base64.b64decode(text, validate=True))
-        except (binascii.Error, ValueError) as error:
+        except ValueError as error:
             self.fail(place, f"expected base64 data: {error}")
 
     def read_file(self, uri: str, length: int, place: str) -> memoryview:
@@ -244,15 +243,13 @@ def read_accessor(container: Container, index: object, place: str, width: int) -
     if type(component) is not int or component not in _TYPES:
         container.fail(f"{own}.componentType", f"expected a component type, got {component!r}")
     dtype = np.dtype(_TYPES[component])
-    view = accessor.get("bufferView")
-    if view is None:
+    if accessor.get("bufferView") is None:
         # Zeros, of which the file stores none; their number is limited by the size of the file.
         if count > container.file_bytes:
             container.fail(f"{own}.count", f"expected elements in the file, got {count} zeros")
         values = np.zeros((count, width), dtype)
     else:
-        start = container.integer(accessor.get("byteOffset", 0), f"{own}.byteOffset")
-        values = _read_view(container, view, start, (count, width), dtype, own)
+        values = _read_view(container, accessor, (count, width), dtype, own)
     if "sparse" in accessor:
         values = _with_sparse_values(container, accessor["sparse"], values, f"{own}.sparse")
     if accessor.get("normalized") is True and dtype.kind != "f":
@@ -263,13 +260,14 @@ def read_accessor(container: Container, index: object, place: str, width: int) -
 
 def _read_view(
     container: Container,
-    index: object,
-    start: int,
+    part: dict[str, Any],
     shape: tuple[int, int],
     dtype: np.dtype[Any],
     place: str,
 ) -> Array:
-    """Return an array of the given shape that starts at byte `start` of a buffer view."""
+    """Return the array of an accessor, or of a part of a sparse one, from its buffer view."""
+    start, index = part.get("byteOffset", 0), part.get("bufferView")
+    start = container.integer(start, f"{place}.byteOffset")
     view = container.item("bufferViews", index, f"{place}.bufferView")
     own = f"bufferViews[{index}]"
     extensions = view.get("extensions")
@@ -301,21 +299,16 @@ def _with_sparse_values(container: Container, sparse: object, values: Array, pla
     if count > len(values):
         container.fail(f"{place}.count", f"expected at most {len(values)}, got {count}")
 
-    def read(name: str, width: int, dtype: np.dtype[Any] | None) -> Array:
-        part, own = sparse.get(name), f"{place}.{name}"
-        if not isinstance(part, dict):
-            container.fail(place, "expected `indices` and `values`")
-        if dtype is None:
-            component = part.get("componentType")
-            if component not in _INDEX_TYPES:
-                container.fail(f"{own}.componentType", f"expected unsigned, got {component!r}")
-            dtype = np.dtype(_TYPES[component])
-        start = container.integer(part.get("byteOffset", 0), f"{own}.byteOffset")
-        return _read_view(container, part.get("bufferView"), start, (count, width), dtype, own)
-
-    rows = read("indices", 1, None)[:, 0].astype(np.int64)
+    indices, elements = sparse.get("indices"), sparse.get("values")
+    if not isinstance(indices, dict) or not isinstance(elements, dict):
+        container.fail(place, "expected `indices` and `values`")
+    component, own = indices.get("componentType"), f"{place}.indices"
+    if component not in _INDEX_TYPES:
+        container.fail(f"{own}.componentType", f"expected unsigned, got {component!r}")
+    rows = _read_view(container, indices, (count, 1), np.dtype(_TYPES[component]), own)[:, 0]
+    rows = rows.astype(np.int64)
     if rows[-1] >= len(values) or (np.diff(rows) <= 0).any():
-        container.fail(f"{place}.indices", f"expected increasing indices below {len(values)}")
-    changed = values.copy()
-    changed[rows] = read("values", values.shape[1], values.dtype)
+        container.fail(own, f"expected increasing indices below {len(values)}")
+    changed, shape = values.copy(), (count, values.shape[1])
+    changed[rows] = _read_view(container, elements, shape, values.dtype, f"{place}.values")
     return changed
