@@ -88,9 +88,7 @@ def test_file_beyond_limit_raises_error_with_file_value_and_limit(tmp_path, file
     motion = mg.read(path)[0]
     name, message = LIMITS[limit]
     fulfilled, violated = tightest(motion, name)
-    # The figure of a glTF file is a node above the joints.
-    n_above = 1 if limit == "levels" and path.suffix == ".glb" else 0
-    with patch.object(limits, name, fulfilled + n_above):
+    with patch.object(limits, name, fulfilled):
         assert mg.read(path)[0].n_frames == N_FRAMES
     bvh_helpers.read(bvh_helpers.TEXT)  # the reader remembers the hierarchy that it read last
     with patch.object(limits, name, violated):

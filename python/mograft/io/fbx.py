@@ -53,8 +53,6 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
     notes = _describe(scene, joints)
     if not len(joints):
         return Clips(path, (), tuple[Motion, ...]().__getitem__, "FBX", notes)
-    with errors_of_file(path):
-        limits.check_joints(len(joints))
     names = unique_names([name or f"take{i}" for i, (name, *_) in enumerate(takes, 1)])
     names = [path.stem] if len(names) == 1 else names
     spans = [_frame_span(span, key_span, rate or file_rate) for _, span, key_span, _ in takes]

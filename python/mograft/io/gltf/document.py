@@ -102,13 +102,16 @@ def read_gltf_file(path: Path, content: bytes | None = None) -> GltfFile:
     clips = [index for index, own in enumerate(animated) if own & moved]
     others = [name or f"animation {i}" for i, name in enumerate(names) if i not in clips]
     fixed = sorted(set().union(*animated) - moved)
+    paths = {path for index in clips for _, path in changed[index]}
     listed = {
         "nodes that are not joints": [n for i, n in enumerate(tree.names) if i not in moved],
         "animations that move no joint": others,
         "animated nodes that are not joints": [tree.names[node] for node in fixed],
+        "animated properties that are not read": sorted(paths - PATH_WIDTHS.keys()),
     }
     notes = [*left_out, *(f"{text}: {join_names(own)}" for text, own in listed.items() if own)]
-    notes += _property_notes({path for index in clips for _, path in changed[index]})
+    if "scale" in paths:
+        notes.append("animated scale is part of the positions of the joints below")
     return GltfFile(
         container=container,
         tree=tree,
@@ -140,8 +143,6 @@ def _find_joints(
     members = members or animated
     if not members:
         raise NoFigureError("expected a skin or an animation of nodes, got none", container.path)
-    with errors_of_file(container.path, "nodes"):
-        limits.check_joints(len(members))
     orders = map(tree.below, np.flatnonzero(tree.parents < 0).tolist())
     pairs = [(members.intersection(order), order) for order in orders]
     figures = sorted((pair for pair in pairs if pair[0]), key=lambda pair: min(pair[0]))
@@ -151,16 +152,6 @@ def _find_joints(
     joints = np.array(order)[find_joints(parents, [node in largest for node in order])]
     others = [tree.names[pair[1][0]] for pair in figures if pair[1] is not order]
     return joints, [f"left out the figures below the nodes {join_names(others)}"] if others else []
-
-
-def _property_notes(paths: set[str]) -> list[str]:
-    """Return notes on animated properties that the motions do not contain as such."""
-    notes = []
-    if unread := sorted(paths - PATH_WIDTHS.keys()):
-        notes.append(f"animated properties that are not read: {', '.join(unread)}")
-    if "scale" in paths:
-        notes.append("animated scale is part of the positions of the joints below")
-    return notes
 
 
 def open_gltf(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001

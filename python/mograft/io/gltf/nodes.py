@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
-from mograft.io.clips import errors_of_file
 from mograft.io.gltf.container import Container
-from mograft.motion import limits, rotations
+from mograft.motion import rotations
 from mograft.motion.motion import forward_kinematics
 
 SCALE_TOLERANCE = 1e-5
@@ -69,13 +68,10 @@ def read_nodes(container: Container) -> NodeTree:
             parents[child] = index
         children.append(tuple(below))
     # With one parent per node, the nodes that no root reaches are those of cycles.
-    n_reached, n_levels, level = 0, 0, np.flatnonzero(parents < 0).tolist()
+    n_reached, level = 0, np.flatnonzero(parents < 0).tolist()
     while level:
         n_reached += len(level)
-        n_levels += 1
         level = [child for node in level for child in children[node]]
-    with errors_of_file(container.path, "nodes"):
-        limits.check_levels(n_levels)
     if n_reached < len(items):
         container.fail("nodes", "expected trees, got nodes that are their own ancestors")
     rows = np.array([_read_transform(container, item, i) for i, item in enumerate(items)])
