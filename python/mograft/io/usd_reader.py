@@ -1,4 +1,7 @@
-"""Read the motions of USD files: the animations of UsdSkel skeletons."""
+"""Read the motions of USD files: the animations of UsdSkel skeletons.
+
+The import of this module raises ModuleNotFoundError if usd-core is not installed.
+"""
 
 import os
 import struct
@@ -23,6 +26,9 @@ from mograft.io.usd import NEED, usd_reasons
 from mograft.motion import limits
 from mograft.motion.motion import Motion
 from mograft.motion.skeleton import Skeleton
+
+import_extra("pxr", NEED, "usd")
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdSkel, UsdUtils  # noqa: E402 - needs the extra
 
 _GRID_TOLERANCE = 1e-6
 """Deviation of keys from whole time codes that is tolerated, in time codes."""
@@ -100,8 +106,6 @@ def _usd_errors(path: Path) -> Iterator[None]:
 
     Its warnings are not printed.
     """
-    from pxr import Tf, UsdUtils
-
     warnings = UsdUtils.CoalescingDiagnosticDelegate()  # receives them while it exists
     try:
         yield
@@ -116,9 +120,6 @@ def _usd_errors(path: Path) -> Iterator[None]:
 
 def _open_stage(path: Path) -> Any:  # noqa: ANN401 - pxr has no types
     """Open a stage; raise `FormatError` if a layer is outside the folder of the file."""
-    import_extra("pxr", NEED, "usd")
-    from pxr import Sdf, Usd
-
     with _usd_errors(path):
         folder = path.resolve().parent
         pending, known = [str(path)], set()
@@ -182,16 +183,12 @@ def _check_crate(path: Path) -> None:
 
 def _prims(stage: Any, kind: str) -> list[Any]:  # noqa: ANN401
     """Return the prims of the type `kind`, in the order of the stage, instances included."""
-    from pxr import Usd
-
     rule = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
     return [prim for prim in stage.Traverse(rule) if prim.GetTypeName() == kind]
 
 
 def _read_figure(path: Path, prim: Any) -> _Figure:  # noqa: ANN401
     """Read the joints and the rest pose of a skeleton."""
-    from pxr import Usd, UsdGeom, UsdSkel
-
     skeleton = UsdSkel.Skeleton(prim)
     place = str(prim.GetPath())
     joints = tuple(map(str, skeleton.GetJointsAttr().Get() or ()))
@@ -243,8 +240,6 @@ def _find_figure(path: Path, animation: Any, figures: Sequence[_Figure]) -> _Fig
 
     Raises `FormatError` if there is neither.
     """
-    from pxr import UsdSkel
-
     for figure in figures:
         bound = UsdSkel.BindingAPI(figure.prim).GetInheritedAnimationSource()
         if bound and bound.GetPath() == animation.GetPath():
@@ -259,8 +254,6 @@ def _find_figure(path: Path, animation: Any, figures: Sequence[_Figure]) -> _Fig
 
 def _sample(stage: Any, prim: Any, figure: _Figure, rate: float | None) -> Motion:  # noqa: ANN401
     """Return the motion of an animation, sampled from its first to its last key."""
-    from pxr import UsdSkel
-
     animation = UsdSkel.Animation(prim)
     attributes = {name: prim.GetAttribute(name) for name in Transforms._fields}
     keys = np.unique([t for attribute in attributes.values() for t in attribute.GetTimeSamples()])
@@ -339,8 +332,6 @@ def _check_poses(stage: Any, n_poses: int) -> None:  # noqa: ANN401
 
 def _move_figure(figure: _Figure, local: Transforms, codes: FloatArray) -> None:
     """Set the transforms of node 0 in `local` to the world transforms of the skeleton's prim."""
-    from pxr import Usd, UsdGeom
-
     prim, is_moving = figure.prim, False
     while prim:
         is_moving |= UsdGeom.Xformable(prim).TransformMightBeTimeVarying()
@@ -354,8 +345,6 @@ def _move_figure(figure: _Figure, local: Transforms, codes: FloatArray) -> None:
 
 def _notes(stage: Any) -> tuple[str, ...]:  # noqa: ANN401
     """Return notes of units and axes, and of prims that are not part of the motions."""
-    from pxr import UsdGeom
-
     types = Counter(str(prim.GetTypeName()) for prim in stage.Traverse())
     for name in ("", "Skeleton", "SkelAnimation", "SkelRoot", "Xform", "Scope"):
         types.pop(name, None)
