@@ -75,14 +75,11 @@ def write_usd(
     import_extra("pxr", NEED, "usd")
     from pxr import Tf, Usd
 
-    skeleton = motion.skeleton
     transform = ExportTransform.of(motion, scale)
-    mesh = bone_mesh(skeleton, transform, groups)
+    mesh = bone_mesh(motion.skeleton, transform, groups)
     # The stage is in memory, so an interrupted call leaves no file.
     stage = Usd.Stage.CreateInMemory()
-    _define_stage(stage, motion, transform)
-    _define_skeleton(stage, skeleton, transform)
-    _define_animation(stage, motion, transform)
+    _define_figure(stage, motion, transform)
     _define_mesh(stage, mesh)
     with checked_path(target, lambda draft: _has_keys(draft, motion.n_frames)) as draft:
         try:
@@ -110,9 +107,9 @@ def _has_keys(path: Path, count: int) -> bool:
 
 
 # The stage of pxr has no type.
-def _define_stage(stage: Any, motion: Motion, transform: ExportTransform) -> None:  # noqa: ANN401
-    """Set units, axes, times and metadata, and define the root prim of the figure."""
-    from pxr import UsdGeom, UsdSkel
+def _define_figure(stage: Any, motion: Motion, transform: ExportTransform) -> None:  # noqa: ANN401
+    """Set units, axes, times and metadata; add the skeleton in its rest pose, and its motion."""
+    from pxr import Sdf, UsdGeom, UsdSkel, Vt
 
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
@@ -121,17 +118,13 @@ def _define_stage(stage: Any, motion: Motion, transform: ExportTransform) -> Non
     stage.SetStartTimeCode(0)
     stage.SetEndTimeCode(motion.n_frames - 1)
     stage.GetRootLayer().customLayerData = {"mograft": transform.metadata}
-    figure = UsdSkel.Root.Define(stage, _FIGURE)
-    stage.SetDefaultPrim(figure.GetPrim())
-    figure.GetPrim().SetDisplayName(_to_usd_text(motion.name or "motion"))
+    figure = UsdSkel.Root.Define(stage, _FIGURE).GetPrim()
+    stage.SetDefaultPrim(figure)
+    figure.SetDisplayName(_to_usd_text(motion.name or "motion"))
 
-
-def _define_skeleton(stage: Any, skeleton: Skeleton, transform: ExportTransform) -> None:  # noqa: ANN401
-    """Add the skeleton in its rest pose."""
-    from pxr import UsdSkel
-
+    skeleton, paths = motion.skeleton, _joint_paths(motion.skeleton)
     prim = UsdSkel.Skeleton.Define(stage, _SKELETON)
-    prim.CreateJointsAttr(_joint_paths(skeleton))
+    prim.CreateJointsAttr(paths)
     prim.CreateJointNamesAttr([_to_usd_text(name) for name in skeleton.names])
     world_positions = transform.points(skeleton.rest_positions())
     check_single_precision("rest position", world_positions, skeleton)
@@ -143,24 +136,18 @@ def _define_skeleton(stage: Any, skeleton: Skeleton, transform: ExportTransform)
     prim.CreateBindTransformsAttr(_to_matrices(world_quats, world_positions))
     prim.CreateRestTransformsAttr(_to_matrices(quats, positions))
 
-
-def _define_animation(stage: Any, motion: Motion, transform: ExportTransform) -> None:  # noqa: ANN401
-    """Add the motion as an animation, and bind it to the skeleton."""
-    from pxr import Sdf, UsdSkel, Vt
-
     animation = UsdSkel.Animation.Define(stage, _ANIMATION)
-    animation.CreateJointsAttr(_joint_paths(motion.skeleton))
-    ones = np.ones((motion.n_joints, 3), np.float16)
-    animation.CreateScalesAttr(Vt.Vec3hArray.FromNumpy(ones))
+    animation.CreateJointsAttr(paths)
+    animation.CreateScalesAttr(Vt.Vec3hArray.FromNumpy(np.ones((motion.n_joints, 3), np.float16)))
     local = transform.local_transforms(motion)
-    quats, positions = (values.astype(np.float32) for values in local)
+    turns, places = (values.astype(np.float32) for values in local)
     rotation_keys = animation.CreateRotationsAttr()
     translation_keys = animation.CreateTranslationsAttr()
     with Sdf.ChangeBlock():
         for frame in range(motion.n_frames):
-            rotation_keys.Set(Vt.QuatfArray.FromNumpy(quats[frame]), frame)
-            translation_keys.Set(Vt.Vec3fArray.FromNumpy(positions[frame]), frame)
-    binding = UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath(_SKELETON))
+            rotation_keys.Set(Vt.QuatfArray.FromNumpy(turns[frame]), frame)
+            translation_keys.Set(Vt.Vec3fArray.FromNumpy(places[frame]), frame)
+    binding = UsdSkel.BindingAPI.Apply(prim.GetPrim())
     binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
 
 
