@@ -40,19 +40,15 @@ class GltfBuffer:
     accessors: list[Json] = field(default_factory=list)
 
     def add(
-        self,
-        array: npt.NDArray[Any],
-        element_type: str,
-        *,
-        has_bounds: bool = False,
-        is_vertex_data: bool = False,
+        self, array: npt.NDArray[Any], *, has_bounds: bool = False, is_vertex_data: bool = False
     ) -> int:
-        """Append an array and return the index of its accessor.
+        """Append numbers, (n,), vectors, (n, 2 to 4), or matrices, (n, 4, 4), as an accessor.
 
-        `element_type` is the glTF type of a row, such as ``"VEC3"``. `has_bounds` adds the minimum
-        and maximum; `is_vertex_data` marks vertex attributes.
+        Return its index. `has_bounds` adds the minimum and maximum; `is_vertex_data` marks vertex
+        attributes.
         """
         array = np.ascontiguousarray(array)
+        kind = ("SCALAR", f"VEC{array.shape[-1]}", "MAT4")[array.ndim - 1]
         view = self.add_bytes(array.tobytes())
         if is_vertex_data:
             self.views[view]["target"] = _ARRAY_BUFFER
@@ -60,7 +56,7 @@ class GltfBuffer:
             "bufferView": view,
             "componentType": _COMPONENT_TYPES[array.dtype.str[1:]],
             "count": len(array),
-            "type": element_type,
+            "type": kind,
         }
         if has_bounds:
             rows = array.reshape(len(array), -1)
@@ -77,8 +73,8 @@ class GltfBuffer:
         added at its first use, because validators report unused accessors.
         """
         if len(times) not in inputs:
-            inputs[len(times)] = self.add(times.astype("<f4"), "SCALAR", has_bounds=True)
-        output = self.add(values.astype("<f4"), f"VEC{values.shape[1]}")
+            inputs[len(times)] = self.add(times.astype("<f4"), has_bounds=True)
+        output = self.add(values.astype("<f4"))
         return {"input": inputs[len(times)], **fields, "output": output}
 
     def add_bytes(self, content: bytes | memoryview) -> int:
@@ -197,7 +193,7 @@ def _build_file(
     inverse_bind[:, :3, :3] = rotations.rotate(from_y_up, np.eye(3)).T
     inverse_bind[:, :3, 3] = -rotations.rotate(from_y_up, rest)
     inverse_bind[:, 3, 3] = 1.0
-    columns = buffer.add(inverse_bind.transpose(0, 2, 1).astype("<f4"), "MAT4")
+    columns = buffer.add(inverse_bind.transpose(0, 2, 1).astype("<f4"))
     joints, metadata = list(range(skeleton.n_joints)), transform.metadata
     offsets = skeleton.offsets
     animations = [_build_animation(buffer, own, transform, offsets) for own in motions]
@@ -268,6 +264,5 @@ def _build_mesh(buffer: GltfBuffer, mesh: BoneMesh, n_joints: int) -> Json:
     arrays = {name: array.astype("<f4") for name, array in arrays.items()}
     attributes: dict[str, int] = {}
     for name, array in (arrays | {"JOINTS_0": joints, "WEIGHTS_0": weights}).items():
-        kind, has_bounds = f"VEC{array.shape[1]}", name == "POSITION"
-        attributes[name] = buffer.add(array, kind, has_bounds=has_bounds, is_vertex_data=True)
+        attributes[name] = buffer.add(array, has_bounds=name == "POSITION", is_vertex_data=True)
     return {"attributes": attributes, "material": 0}
