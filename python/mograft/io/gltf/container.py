@@ -47,14 +47,9 @@ class Container:
     _buffers: dict[int, memoryview] = field(default_factory=dict, repr=False)
 
     @property
-    def file_bytes(self) -> int:
-        """Bytes of the file."""
-        return len(self.data)
-
-    @property
     def n_bytes(self) -> int:
         """Bytes of the file and of the buffers that have been read."""
-        return self.file_bytes + sum(map(len, self._buffers.values()))
+        return len(self.data) + sum(map(len, self._buffers.values()))
 
     def fail(self, place: str, message: str) -> NoReturn:
         """Raise a `FormatError` for a place in the document."""
@@ -245,7 +240,7 @@ def read_accessor(container: Container, index: object, place: str, width: int) -
     dtype = np.dtype(_TYPES[component])
     if accessor.get("bufferView") is None:
         # Zeros, of which the file stores none; their number is limited by the size of the file.
-        if count > container.file_bytes:
+        if count > len(container.data):
             container.fail(f"{own}.count", f"expected elements in the file, got {count} zeros")
         values = np.zeros((count, width), dtype)
     else:
