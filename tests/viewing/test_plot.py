@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from mograft import Config, Library, graft, kinetic_energy, segment, write_bvh
+from mograft import Config, Library, Motion, Skeleton, graft, kinetic_energy, segment, write_bvh
 from mograft.body.mass import mass_model
 from mograft.cli.syntax.commands import PLOT_KINDS
 from tests.running import run_python
@@ -159,6 +159,13 @@ def test_plots_missing_matplotlib_names_extra(motion, tmp_path, monkeypatch, fai
     write_bvh(motion[:20], tmp_path / "a.bvh")
     words = ["plot", "energy", tmp_path / "a.bvh", "-o", tmp_path / "x.png"]
     assert "pip install 'mograft[plot]'" in fail(1, *words)
+
+
+def test_strip_single_joint_has_frame_numbers_without_bones():
+    lone = Skeleton(["a"], [-1], [[0, 0, 0]])
+    axes = plot.strip(Motion(lone, 0.1, [[[0, 0, 0, 1]]] * 5, [[[0, 0, 0]]] * 5), 3)
+    assert [own.get_text() for own in axes.texts] == ["0", "2", "4"]
+    assert axes.get_legend() is None
 
 
 def test_strip_and_energy_of_frames_show_true_frames_and_times(motion):

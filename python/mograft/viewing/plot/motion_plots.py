@@ -106,7 +106,7 @@ def strip(
     sideways, upright, _ = project(nodes - nodes[:, [skeleton.root]], yaw)
     upright = upright + nodes[:, [skeleton.root], 1] - nodes[..., 1].min()
     bones = [[node, parent] for node, parent in enumerate(skeleton.parents) if parent >= 0]
-    ends = sorted({end for bone in bones for end in bone})
+    ends = sorted({end for bone in bones for end in bone}) or [skeleton.root]
     spacing = 1.15 * max(float(np.ptp(sideways[:, ends], axis=1).max(initial=0.0)), 0.5)
     height = max(float(upright.max()), 0.5) + 0.3
     size = (max(1.1 * len(drawn), 3), max(1.1 * height / spacing, 1.0) + 0.2)
@@ -125,7 +125,8 @@ def strip(
     axes.set_aspect("equal")
     axes.set_axis_off()
     axes.set_title(motion.name or "motion", loc="left", fontsize=10)
-    axes.legend(loc="upper right", bbox_to_anchor=(1, 1.28), ncols=8, frameon=False, fontsize=8)
+    if bones:
+        axes.legend(loc="upper right", bbox_to_anchor=(1, 1.28), ncols=8, frameon=False, fontsize=8)
     return axes
 
 
