@@ -10,7 +10,6 @@ import sys
 import tempfile
 import webbrowser
 from dataclasses import dataclass
-from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -196,7 +195,6 @@ def viewer_html(scene: Scene, max_rotations: int = MAX_ROTATIONS, n_shown: int =
     return "\n".join([*elements, embed_json(data)])
 
 
-@cache
 def viewer_script() -> str:
     """Return the script of the viewer: its modules in one scope, without imports and exports."""
     text = "\n".join(asset(f"script/{name}.js") for name in _SCRIPTS)
@@ -258,12 +256,10 @@ def embed_json(values: dict[str, Any], name: str = "mograft-data") -> str:
     return f'<script type="application/json" id="{name}">{text}</script>'
 
 
-@cache
 def _quoted_digest(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
-@cache
 def asset(name: str) -> str:
     """Return the text of a file in `mograft.viewing`, without white space at its ends."""
     return files("mograft.viewing").joinpath(name).read_text(encoding="utf-8").strip()
