@@ -69,23 +69,18 @@ def find_duplicates(library: LibraryData) -> list[DuplicateSpan]:
     'dance~2'
     """
     cut, names = library.segments, library.names
-    pairs = list(zip(*(own.tolist() for own in find_copies(library)), strict=True))
-    left, spans = set(pairs), []
-    for pair in pairs:
-        if pair not in left:
-            continue
-        left.remove(pair)
-        # Pairs of segments that follow each other in both clips form one span.
-        ends, following = pair, (pair[0] + 1, pair[1] + 1)
-        while following in left and np.array_equal(cut.clip[list(following)], cut.clip[list(ends)]):
-            left.remove(following)
-            ends, following = following, (following[0] + 1, following[1] + 1)
-        (clip, frames), (other, others) = (
-            (names[cut.clip[own]], (int(cut.start[own]), int(cut.stop[end])))
-            for own, end in zip(pair, ends, strict=True)
-        )
-        spans.append(DuplicateSpan(clip, frames, other, others))
-    return spans
+    first, second = find_copies(library)
+    pairs = np.stack([first, second])[:, np.lexsort((first, second - first))]
+    # Pairs of segments that follow each other in both clips form one span.
+    follows = ((np.diff(pairs) == 1) & (np.diff(cut.clip[pairs]) == 0)).all(axis=0)
+    starts = pairs[:, np.append(True, ~follows)[: len(first)]]
+    ends = pairs[:, np.append(~follows, True)[: len(first)]]
+    columns = np.concatenate([cut.clip[starts], cut.start[starts], cut.stop[ends]])
+    rows = columns[:, np.lexsort(starts[::-1])].T.tolist()
+    return [
+        DuplicateSpan(names[clip], (start, stop), names[other], (other_start, other_stop))
+        for clip, other, start, other_start, stop, other_stop in rows
+    ]
 
 
 def find_copies(library: LibraryData) -> tuple[IntArray, IntArray]:
