@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import Generic, Self, TypedDict, TypeVar
+from typing import Generic, Self, TypedDict, TypeVar, get_args
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from mograft.library.clip_table import ClipInfo
 from mograft.library.clusters import Progress
 from mograft.library.discover import ClipSource, FoundClip, exclude_grafts, find_clips
 from mograft.library.ingest import ClipOrder, ClipProperties, IngestedClip, PendingClip
-from mograft.library.spec import MATCHES, LibrarySpec, Match, describe_match, rates_match
+from mograft.library.spec import LibrarySpec, Match, describe_match, rates_match
 from mograft.motion.skeleton import Skeleton
 
 T = TypeVar("T")
@@ -89,7 +89,7 @@ class IngestPlan:
     progress: Progress | None = None
 
     def __post_init__(self) -> None:
-        check_choice("match", self.match, MATCHES)
+        check_choice("match", self.match, get_args(Match))
         for name, kind in _OPTION_TYPES.items():
             if getattr(self, name) is not None:
                 check_type(name, getattr(self, name), kind)

@@ -45,7 +45,7 @@ class LibraryOrigin:
     rate: float  # frames per second
     root: int  # the joint that carries the body through the world
     up: int  # the axis that points up
-    match: Match  # how clips of other hierarchies fit; a key of `MATCHES`
+    match: Match  # how clips of other hierarchies fit
     hierarchy: Skeleton | None  # of the library, if clips are matched by anatomy
     rest: Skeleton | None  # the rest pose of files that store none
 

@@ -15,12 +15,11 @@ from mograft.motion.motion import Motion
 from mograft.motion.skeleton import CHANNELS, Skeleton
 
 Match: TypeAlias = Literal["names", "anatomy"]
+"""How the joints of clips correspond to those of the library.
 
-MATCHES = {
-    "names": "clips must have the joint names and the hierarchy of the library",
-    "anatomy": "joints of other hierarchies are matched by body part",
-}
-"""How the joints of clips correspond to those of the library."""
+"names": clips must have the joint names and the hierarchy of the library. "anatomy": joints of
+other hierarchies are matched by body part.
+"""
 
 MAX_RATE_DIFFERENCE = 1e-3
 """Relative difference up to which two frame rates count as equal: files round frame times, for
@@ -41,7 +40,7 @@ class LibrarySpec:
     rate: float  # frames per second
     root: int  # the joint that carries the body through the world
     up: int  # the axis that points up: 0, 1 or 2
-    match: Match = "names"  # how clips of other hierarchies fit; a key of `MATCHES`
+    match: Match = "names"  # how clips of other hierarchies fit
     rest: Skeleton | None = None  # the rest pose of files that store none, as for `read`
 
     def fit(self, motion: Motion, label: str) -> Motion:
