@@ -82,31 +82,20 @@ def end_process(number: int) -> None:
     """
     if not _is_ending.acquire(blocking=False):
         return
-    _print_line(_SIGNALS[number])
+    with suppress(OSError):  # without Python's buffers; on a terminal, over a progress line
+        start = "\r\033[K" if os.isatty(2) and os.name == "posix" else ""
+        os.write(2, f"{start}{_SIGNALS[number]}\n".encode())
     stdout = sys.stdout
     # Code that was interrupted may hold locks or be inside `print`: errors would be printed.
     sys.stderr = sys.stdout = None
-    with suppress(Exception):
-        _kill_workers()
+    with suppress(Exception):  # the module is loaded if there are workers
+        for process in sys.modules["multiprocessing"].active_children():
+            process.kill()
     with suppress(Exception):
         clean_up()
     with suppress(Exception):
         stdout.flush()
     os._exit(128 + number)
-
-
-def _print_line(text: str) -> None:
-    """Write a line to stderr without Python's buffers; on a terminal, overwrite a progress line."""
-    with suppress(OSError):
-        start = "\r\033[K" if os.isatty(2) and os.name == "posix" else ""
-        os.write(2, f"{start}{text}\n".encode())
-
-
-def _kill_workers() -> None:
-    multiprocessing = sys.modules.get("multiprocessing")
-    if multiprocessing is not None:
-        for process in multiprocessing.active_children():
-            process.kill()
 
 
 @contextmanager
