@@ -89,12 +89,12 @@ def test_history_undoes_the_last_steps_and_no_more():
     for number in range(1, MAX_STEPS + 5):
         history, present = history.push(str(number), present), Project(n_made=number)
     with pytest.raises(ValueError, match="nothing to redo"):
-        history.redo(present)
+        history.move("redo", present)
     for number in reversed(range(4, MAX_STEPS + 4)):
-        history, present, _ = history.undo(present)
+        history, present, _ = history.move("undo", present)
         assert present.n_made == number
     with pytest.raises(ValueError, match="nothing to undo"):
-        history.undo(present)
+        history.move("undo", present)
 
 
 FULL = Project(

@@ -111,17 +111,16 @@ class History:
         """Return the history after a step, which starts at `old`."""
         return History((*self.past, (text, old))[-MAX_STEPS:])
 
-    def undo(self, present: Project) -> tuple["History", Project, str]:
-        """Return the history, project and text of the step that is undone."""
-        if not self.past:
-            raise ValueError("nothing to undo")
-        text, project = self.past[-1]
-        return History(self.past[:-1], ((text, present), *self.future)), project, text
+    def move(self, direction: str, present: Project) -> tuple["History", Project, str]:
+        """Return the history, project and text of the step that is undone or done again.
 
-    def redo(self, present: Project) -> tuple["History", Project, str]:
-        """Return the history, project and text of the step that is done again."""
-        if not self.future:
-            raise ValueError("nothing to redo")
+        `direction` is "undo" or "redo". Raise ValueError if there is no such step.
+        """
+        if not (self.past if direction == "undo" else self.future):
+            raise ValueError(f"nothing to {direction}")
+        if direction == "undo":
+            text, project = self.past[-1]
+            return History(self.past[:-1], ((text, present), *self.future)), project, text
         text, project = self.future[0]
         return History((*self.past, (text, present)), self.future[1:]), project, text
 

@@ -89,7 +89,7 @@ class Session(Desk):
                 raise StaleRevision(f"expected revision {newest}, got {revision}")
             old = self.project
             if action.get("action") in ("undo", "redo"):
-                message = self._step(str(action["action"]))
+                message = self._move(str(action["action"]))
             else:
                 try:
                     message = self._run(action)
@@ -114,12 +114,11 @@ class Session(Desk):
             self.set(project, text, old)
         return text
 
-    def _step(self, step: str) -> str:
+    def _move(self, direction: str) -> str:
         with self.lock:
-            move = self.history.undo if step == "undo" else self.history.redo
-            self.history, project, text = move(self.project)
+            self.history, project, text = self.history.move(direction, self.project)
             self.set(project, None)
-        return f"{step} {text}"
+        return f"{direction} {text}"
 
     def _reply(self, motions: list[str], message: str) -> Json:
         return {"revision": self.revision, "motions": motions, "message": message}
