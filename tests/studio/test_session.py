@@ -71,7 +71,7 @@ def test_failure_between_two_motions_leaves_none_and_ends_the_job(session, monke
     before, add, shown = (session.project, session.history), session.workshop.add, []
     calls = iter([add, None])
     monkeypatch.setattr(session.workshop, "add", lambda *given: next(calls)(*given))
-    session.subscribe(lambda _: shown.append(list(session.jobs)))
+    session.subscribe(lambda _: shown.append([own["text"] for own in session.jobs]))
     with pytest.raises(TypeError):
         do(session, "make", base="two", count=2)
     assert (session.project, session.history) == before

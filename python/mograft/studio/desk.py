@@ -31,7 +31,7 @@ class Desk:
         self.folder = Path(folder).resolve()
         self.project, self.history = Project(), History()
         self.revision = self.project_revision = 0  # of the state, and of its last other project
-        self.opened, self.jobs = sources.Opened(), dict[str, Json]()
+        self.opened, self.jobs = sources.Opened(), list[Json]()  # at most one job, of the action
         self.file: ProjectFile | None = None
         self.workshop = Workshop(self.folder)
         self.previews: dict[str, tuple[str, Graft]] = {}
@@ -40,21 +40,18 @@ class Desk:
         self.lock = threading.RLock()  # of the attributes
         self.action_lock = threading.RLock()  # one action at a time
         self.n_requested = self.ticket = 0  # the number of the last action, and of the present
-        self._events_lock = threading.Lock()
         self._listeners: list[Callable[[Json], object]] = []
 
     # Events
 
     def subscribe(self, listener: Callable[[Json], object]) -> None:
         """Call a function with each event from now on, in the threads that report events."""
-        with self._events_lock:
-            self._listeners.append(listener)
+        self._listeners.append(listener)
 
     def emit(self, event: Json) -> None:
         """Send an event to all subscriptions."""
-        with self._events_lock:
-            for listener in self._listeners:
-                listener(event)
+        for listener in self._listeners:
+            listener(event)
 
     def note(self, text: str) -> None:
         """Send a text for the person."""
@@ -77,14 +74,12 @@ class Desk:
             own["done"] += 1
             self.emit({"kind": "progress", **own})
 
-        with self.lock:
-            self.jobs[text] = own
+        self.jobs = [own]
         self.notify()
         try:
             yield advance
         finally:
-            with self.lock:
-                self.jobs.pop(text, None)
+            self.jobs = []
             self.notify()
 
     # The project

@@ -32,26 +32,25 @@ _SUFFIX = ".project.json"
 def open_paths(desk: Desk, paths: Sequence[Path | str]) -> None:
     """Add files, folders, a library or a graft to the project, or open a project.
 
-    The library is built in a thread.
+    The library is built in a thread. The caller holds the lock of actions.
     """
-    with desk.action_lock:
-        added: list[ProjectInput] = []
-        for path in map(str, paths):
-            kind = _kind_of(path)
-            if kind == "project":
-                use_file(desk, Path(path).resolve())
-            elif kind == "graft":
-                _open_graft(desk, path)
-            else:
-                added.append(ProjectInput(path=absolute_address(path)))
-        known = {own.path for own in desk.project.inputs}
-        added = [own for own in added if own.path not in known]
-        if added:
-            names = ", ".join(Path(own.path).name for own in added)
-            old = desk.project
-            inputs = (*old.inputs, *added)
-            desk.set(replace(old, inputs=inputs), f"open {names}" if old.inputs else None)
-        _choose_file(desk)
+    added: list[ProjectInput] = []
+    for path in map(str, paths):
+        kind = _kind_of(path)
+        if kind == "project":
+            use_file(desk, Path(path).resolve())
+        elif kind == "graft":
+            _open_graft(desk, path)
+        else:
+            added.append(ProjectInput(path=absolute_address(path)))
+    known = {own.path for own in desk.project.inputs}
+    added = [own for own in added if own.path not in known]
+    if added:
+        names = ", ".join(Path(own.path).name for own in added)
+        old = desk.project
+        inputs = (*old.inputs, *added)
+        desk.set(replace(old, inputs=inputs), f"open {names}" if old.inputs else None)
+    _choose_file(desk)
 
 
 def use_file(desk: Desk, path: Path) -> None:

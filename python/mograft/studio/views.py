@@ -57,7 +57,7 @@ def state(desk: Desk) -> Json:
         "character": project.character,
         "options": _options(desk),
         "motions": [_motion(desk, own) for own in project.motions],
-        "jobs": list(desk.jobs.values()),
+        "jobs": desk.jobs,
     }
 
 
