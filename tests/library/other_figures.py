@@ -46,7 +46,7 @@ def with_other_rest_pose(motion, rng):
             )
     rest = RestPose(skeleton.names, skeleton.parents, world, places)
     turned, positions = motion.world_transforms()
-    return rebase(rest, turned, positions, motion.frame_time)
+    return rebase(rest, (turned, positions), motion.frame_time)
 
 
 def as_other_figure(motion, seed=0):

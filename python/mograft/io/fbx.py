@@ -78,7 +78,7 @@ def open_fbx(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Cl
                 frame, joint = np.argwhere(~is_finite)[0]
                 owner = f"{rest.names[joint]} in frame {frame}"
                 raise ValueError(f"expected finite transforms, got NaN or infinity at {owner}")
-            return rebase(rest, quats, positions, frame_time, name=names[take])
+            return rebase(rest, (quats, positions), frame_time, name=names[take])
 
     return Clips(path, tuple(names), load, "FBX", notes, lambda take: spans[take][1])
 

@@ -46,22 +46,18 @@ class RestPose:
 
 
 def rebase(
-    rest: RestPose,
-    world_rotations: FloatArray,
-    world_positions: FloatArray,
-    frame_time: float,
-    *,
-    name: str = "",
+    rest: RestPose, world: tuple[FloatArray, FloatArray], frame_time: float, *, name: str = ""
 ) -> Motion:
-    """Return a motion, given the world transforms and the rest pose of a file.
+    """Return a motion, given the rest pose of a file and the world transforms of its nodes.
 
-    `world_rotations`, shape (n_frames, n_joints, 4), xyzw, become relative to the rest pose;
-    `world_positions`, shape (n_frames, n_joints, 3), do not change. The root has position channels,
-    and so has each joint whose translation differs from its offset by more than
-    `POSITION_TOLERANCE`.
+    `world` has rotations, shape (n_frames, n_nodes, 4), xyzw, and positions, shape (n_frames,
+    n_nodes, 3); the last nodes are the joints. Rotations become relative to the rest pose, and
+    positions do not change. The root has position channels, and so has each joint whose translation
+    differs from its offset by more than `POSITION_TOLERANCE`.
     """
-    turned = rotations.multiply(world_rotations, rotations.inverse(rest.rotations))
-    local, positions = to_local(rest.parents, turned, np.asarray(world_positions, np.float64))
+    turned, places = (own[:, -len(rest.names) :] for own in world)
+    turned = rotations.multiply(turned, rotations.inverse(rest.rotations))
+    local, positions = to_local(rest.parents, turned, np.asarray(places, np.float64))
     offsets = rest.offsets
     distances = np.abs(positions - offsets).max(axis=0).max(axis=1)  # faster than both at once
     is_translated = distances > POSITION_TOLERANCE * rest.extent

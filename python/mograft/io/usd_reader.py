@@ -20,8 +20,8 @@ from mograft._util.names import unique_names
 from mograft.errors import FormatError
 from mograft.io.clips import Clips, errors_of_file
 from mograft.io.gltf.animation import DEFAULT_RATE
-from mograft.io.gltf.nodes import Transforms, decompose, to_transforms, to_world
-from mograft.io.rest_pose import RestPose, rebase
+from mograft.io.gltf.nodes import Transforms, decompose, to_rest_pose, to_transforms, to_world
+from mograft.io.rest_pose import rebase
 from mograft.io.usd import NEED, usd_reasons
 from mograft.motion import limits
 from mograft.motion.motion import Motion
@@ -68,13 +68,6 @@ class _Figure:
         It is the root joint or, if there are several, the prim.
         """
         return 1 if (self.parents[1:] == 0).sum() == 1 else 0
-
-    def rest_pose(self) -> RestPose:
-        """Return the rest pose of the joints of the motion."""
-        turned, positions = to_world(self.parents, self.rest)
-        parents = np.maximum(self.parents[self.first :] - self.first, -1)
-        first = self.first
-        return RestPose(self.names[first:], parents, turned[0, first:], positions[0, first:])
 
 
 def open_usd(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
@@ -287,9 +280,8 @@ def _sample(stage: Any, prim: Any, figure: _Figure, rate: float | None) -> Motio
         if (norms < 1e-6).any():
             raise ValueError("expected unit quaternions, got zero")
     local.rotations[...] /= norms
-    turned, positions = to_world(figure.parents, local)
-    first, rest = figure.first, figure.rest_pose()
-    return rebase(rest, turned[:, first:], positions[:, first:], frame_time)
+    rest = to_rest_pose(figure.names, figure.parents, figure.rest, figure.first)
+    return rebase(rest, to_world(figure.parents, local), frame_time)
 
 
 def _choose_times(

@@ -21,7 +21,7 @@ from mograft.io.gltf.animation import (
 )
 from mograft.io.gltf.container import Container, read_container
 from mograft.io.gltf.grafts import provenance
-from mograft.io.gltf.nodes import NodeTree, Transforms, read_nodes, to_world
+from mograft.io.gltf.nodes import NodeTree, Transforms, read_nodes, to_rest_pose, to_world
 from mograft.io.rest_pose import RestPose, find_joints, rebase
 from mograft.motion import limits
 from mograft.motion.motion import Motion
@@ -92,10 +92,8 @@ def read_gltf_file(path: Path, content: bytes | None = None) -> GltfFile:
     parents = rows[tree.parents[nodes]]
     parents[0] = -1
     moved_rest = tree.rest.of(nodes, 1)
-    turned, places = to_world(parents, moved_rest)
-    own_names = tuple(tree.names[node] for node in joints)
-    own_parents = np.maximum(parents[n_above:] - n_above, -1)
-    rest = RestPose(own_names, own_parents, turned[0, n_above:], places[0, n_above:])
+    moved_names = tuple(tree.names[node] for node in nodes)
+    rest = to_rest_pose(moved_names, parents, moved_rest, n_above)
     with errors_of_file(path, "nodes"):
         limits.check_hierarchy(rest.names, rest.parents.tolist())
     moved, names = set(nodes.tolist()), animation_names(container.items("animations"))
@@ -180,10 +178,9 @@ def _read_motion(file: GltfFile, clip: int, rate: float | None) -> Motion:
     frames per second, else 30. Raises `FormatError` if the animation is invalid.
     """
     animation, times, frame_time = _read_times(file, clip, rate)
-    turned, positions = to_world(file.moved_parents, file.sample(animation, times))
-    turned, positions = turned[:, file.n_above :], positions[:, file.n_above :]
+    world = to_world(file.moved_parents, file.sample(animation, times))
     with errors_of_file(file.container.path, animation.place):
-        return rebase(file.rest, turned, positions, frame_time, name=file.clip_names[clip])
+        return rebase(file.rest, world, frame_time, name=file.clip_names[clip])
 
 
 def _read_times(

@@ -11,6 +11,7 @@ import numpy as np
 
 from mograft._util.arrays import FloatArray, IntArray
 from mograft.io.gltf.container import Container
+from mograft.io.rest_pose import RestPose
 from mograft.motion import rotations
 from mograft.motion.motion import forward_kinematics
 
@@ -135,6 +136,18 @@ def to_world(parents: IntArray, local: Transforms) -> tuple[FloatArray, FloatArr
         return forward_kinematics(parents, turns, places)
     world_turns, _ = forward_kinematics(parents, turns, local.translations)
     return world_turns, _matrix_positions(parents, turns, scales, local.translations)
+
+
+def to_rest_pose(
+    names: tuple[str, ...], parents: IntArray, rest: Transforms, n_above: int
+) -> RestPose:
+    """Return the rest pose of joints, given their nodes after `n_above` nodes above them.
+
+    `rest` has the default transforms of these nodes; names and parents are those of the nodes.
+    """
+    turned, places = to_world(parents, rest)
+    own_parents = np.maximum(parents[n_above:] - n_above, -1)
+    return RestPose(names[n_above:], own_parents, turned[0, n_above:], places[0, n_above:])
 
 
 def remove_mirroring(turns: FloatArray, scales: FloatArray) -> tuple[FloatArray, FloatArray]:
