@@ -167,22 +167,19 @@ def write_glb(
     first = clips[0]
     for clip in clips[1:]:
         first.skeleton.check_same_hierarchy(clip.skeleton, clip.name or "a motion")
-    transform = ExportTransform.of(first, scale)
-    write_bytes(Path(path), _build_file(clips, first.skeleton, transform, groups))
+    write_bytes(Path(path), _build_file(clips, first, scale, groups))
 
 
 def bone_figure(motion: Motion) -> bytes:
     """Return a GLB file as `write_glb` writes it, without the animation."""
-    return _build_file([], motion.skeleton, ExportTransform.of(motion, None), None)
+    return _build_file([], motion, None, None)
 
 
 def _build_file(
-    motions: Sequence[Motion],
-    skeleton: Skeleton,
-    transform: ExportTransform,
-    groups: JointGroups | str | None,
+    motions: Sequence[Motion], figure: Motion, scale: float | None, groups: JointGroups | str | None
 ) -> bytes:
-    """Return the bytes of a GLB file of motions, with the bones of a skeleton as mesh."""
+    """Return the bytes of a GLB file of motions, with the bones of the motion `figure` as mesh."""
+    skeleton, transform = figure.skeleton, ExportTransform.of(figure, scale)
     buffer, mesh = GltfBuffer(), bone_mesh(skeleton, transform, groups)
     rest = transform.points(skeleton.rest_positions())
     check_single_precision("rest position", rest, skeleton)
