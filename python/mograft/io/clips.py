@@ -155,7 +155,7 @@ def single_clip(
 
     def read(_: int) -> Motion:
         with errors_of_file(path):
-            motion = load()
+            motion = replace_unchecked(load(), name=path.stem)
         return motion if rate is None else motion.resample(rate)
 
     return Clips(path, (path.stem,), read, form, tuple(notes))

@@ -134,8 +134,7 @@ def _to_motion(archive: NpzArchive, kind: KimodoSkeleton, n_frames: int) -> Moti
     is_rigid[0] = False
     positions[:, is_rigid] = offsets[is_rigid]
     skeleton = Skeleton(kind.joints, parents, offsets, usual_channels(~is_rigid))
-    local, path = rotations.continuous_signs(local), archive.path
-    return Motion(skeleton, 1.0 / RATE, local, positions, name=path.stem, path=path)
+    return Motion(skeleton, 1.0 / RATE, rotations.continuous_signs(local), positions)
 
 
 def _check_matrices(archive: NpzArchive, matrices: FloatArray) -> None:

@@ -53,11 +53,7 @@ def refuse_without_model(path: Path) -> NoReturn:
 
 
 def to_motion(
-    model: Skeleton,
-    pose: Pose,
-    layout: TableLayout,
-    path: Path | None = None,
-    frame_time: float = 1.0 / DEFAULT_RATE,
+    model: Skeleton, pose: Pose, layout: TableLayout, frame_time: float = 1.0 / DEFAULT_RATE
 ) -> Motion:
     """Return the motion of a robot, whose skeleton has the layout of its file.
 
@@ -73,8 +69,7 @@ def to_motion(
     positions = np.tile(model.offsets, (n_frames, 1, 1))
     positions[:, 0] = pose.positions
     skeleton = replace(model, hinges=replace(hinges, layout=layout))
-    name = "" if path is None else path.stem
-    return Motion(skeleton, frame_time, quats, positions, name=name, path=path)
+    return Motion(skeleton, frame_time, quats, positions)
 
 
 def hinges_of(skeleton: Skeleton) -> Hinges:

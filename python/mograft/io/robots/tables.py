@@ -73,7 +73,7 @@ def open_table(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> 
             numbers=f".{digits}{'e' if any('e' in cell.lower() for cell in first) else 'f'}",
             is_single=bool((values == values.astype(np.float32)).all()),
         )
-        motion = poses.to_motion(model, pose, layout, path, seconds)
+        motion = poses.to_motion(model, pose, layout, seconds)
     units = f"units: {poses.UNITS[unit]} and {'degrees' if layout.is_degrees else 'rad'}"
     notes = (f"quaternion: {evidence}", units, f"frames per second: {origin}")
     return single_clip(path, "robot CSV", lambda: motion, rate, notes=notes)

@@ -151,7 +151,7 @@ def open_tracker(path: Path, *, rate: float | None, skeleton: Skeleton | None) -
             joints, bodies = orders_of(model, tracker)
             pose = poses.Pose(places[:, 0], quats, angles[:, np.argsort(joints)])
             layout = TableLayout("wxyz", is_single=True)
-            motion = poses.to_motion(model, pose, layout, path, 1.0 / fps.item())
+            motion = poses.to_motion(model, pose, layout, 1.0 / fps.item())
             error = float(np.abs(body_transforms(motion)[1][:, bodies] - places).max())
             found.append((error, tracker, motion))
         error, tracker, motion = min(found, key=lambda own: own[0])

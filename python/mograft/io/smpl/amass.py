@@ -98,8 +98,8 @@ def to_motion(file: AmassFile, rest: Skeleton, rate: float | None) -> Motion:
     vectors = file.poses().reshape(file.n_frames, -1, 3)
     positions = np.tile(rest.offsets, (file.n_frames, 1, 1))
     positions[:, 0] += file.archive.read_floats("trans", (file.n_frames, 3))
-    quats, path = rotations.continuous_signs(rotations.exp(vectors)), file.archive.path
-    return Motion(rest, 1.0 / file.rate(rate), quats, positions, name=path.stem, path=path)
+    quats = rotations.continuous_signs(rotations.exp(vectors))
+    return Motion(rest, 1.0 / file.rate(rate), quats, positions)
 
 
 def open_amass(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:
