@@ -127,6 +127,8 @@ def test_settings_without_effect_are_not_refused(succeed, clip):
         ("candidates", "lib", "--segment", "3", "--group", "upper"),
         ("graft", "lib", "-o", "a.bvh"),
         ("export", clip, "-o", "x.csv"),
+        ("groups", clip),
+        ("config", "show"),
     ):
         succeed(*words)
 

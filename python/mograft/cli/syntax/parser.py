@@ -277,14 +277,16 @@ def _read_file(path: Path, command: Command) -> dict[str, Any]:
     """
     document = read_document(path, "TOML")
     known = {each.name: {argument.dest for argument in each.settings()} for each in COMMANDS}
-    shared = {k: v for k, v in document.items() if k == "set" or not isinstance(v, dict)}
-    for name in document.keys() - shared.keys() - known.keys():
+    # A setting may have the name of a command, such as `groups`.
+    tables = {k: v for k, v in document.items() if k != "set" and isinstance(v, dict)}
+    for name in tables.keys() - known.keys():
         raise ValueError(
             f"{path}: the name of a table must be one of {', '.join(known)}; got [{name}]"
             f"{suggest_name(name, known)}"
         )
     merged: dict[str, Any] = {}
-    own = document.get(command.name, {})
+    shared = {k: v for k, v in document.items() if k not in tables}
+    own = tables.get(command.name, {})
     for table, allowed in ((shared, set().union(*known.values())), (own, known[command.name])):
         for key, value in table.items():
             name = key.replace("-", "_")
