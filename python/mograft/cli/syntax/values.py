@@ -101,18 +101,22 @@ def resolve_frames(given: Any, rate: float) -> Any:  # noqa: ANN401 - a frame, o
     return round(given * rate) if isinstance(given, float) else given
 
 
+def _parts(pattern: str, text: str) -> tuple[Any, ...]:
+    """Return the groups of a pattern of the whole text; raise ValueError for another text."""
+    found = re.fullmatch(pattern, text, re.DOTALL)
+    if found is None:
+        raise ValueError
+    return found.groups()
+
+
 BaseSegment = tuple[int | None, Range | None, str | None]
 """A base segment: its index, or its first and last frame, and optionally a joint group."""
 
 
 def _segment(text: str) -> BaseSegment:
     """Parse ``[GROUP:]N`` or ``[GROUP:]FIRST-LAST``."""
-    group, colon, segment = text.rpartition(":")
-    if colon and not group:
-        raise ValueError("expected the name of a group before the colon")
-    if segment.isdecimal():
-        return int(segment), None, group or None
-    return None, frames(segment), group or None
+    group, number, span = _parts(r"(?:(.+):)?(?:(\d+)|([^:]*))", text)
+    return (int(number), None, group) if number else (None, frames(span), group)
 
 
 Donor = str | Taken | None
@@ -130,10 +134,8 @@ def _donor(text: str) -> Donor:
 @parser("expected SEGMENT, SEGMENT=CLIP or SEGMENT=CLIP:FIRST-LAST, such as 24=walk")
 def ban(text: str) -> tuple[BaseSegment, Donor]:
     """Parse a value of ``--ban``: ``[GROUP:]SEGMENT[=CLIP[:FIRST-LAST]]``."""
-    segment, equals, donor = text.partition("=")
-    if equals and not donor:
-        raise ValueError
-    return _segment(segment), _donor(donor)
+    segment, donor = _parts("([^=]*)(?:=(.+))?", text)
+    return _segment(segment), _donor(donor or "")
 
 
 @parser("expected SEGMENT=CLIP:FIRST-LAST as mograft candidates lists it, such as 24=walk:242-275")
@@ -155,12 +157,9 @@ Changed = tuple[str, tuple[Frame, Frame | None], Donor]
 )
 def change(text: str) -> Changed:
     """Parse a value of ``--change``: ``GROUP@FIRST-[LAST][=CLIP[:FIRST-LAST]]``."""
-    where, equals, donor = text.partition("=")
-    group, _, span = where.rpartition("@")
-    if not group or "@" in group or (equals and not donor):
-        raise ValueError
+    group, span, donor = _parts("([^@=]+)@([^@=]*)(?:=(.+))?", text)
     within = (frame(span[:-1]), None) if span.endswith("-") else frames(span)
-    return group, within, _donor(donor)
+    return group, within, _donor(donor or "")
 
 
 @parser(f"must be {', '.join(UNITS)} or the metres of a unit, such as 0.3048")
@@ -190,18 +189,14 @@ def names(text: str) -> tuple[str, ...]:
 @parser("expected FIELD=VALUE, such as seam=offset, with a field of docs/settings.md")
 def assignment(text: str) -> tuple[str, str]:
     """Parse ``NAME=VALUE`` into the name and the text of the value."""
-    name, _, value = text.partition("=")
-    if not (name and value):
-        raise ValueError
+    name, value = _parts("([^=]+)=(.+)", text)
     return name, value
 
 
 @parser("must be CLIP=FPS")
 def true_rate(text: str) -> tuple[str, float]:
     """Parse ``CLIP=FPS`` into the name of a clip and its frame rate."""
-    clip, _, rate = text.rpartition("=")
-    if not clip:
-        raise ValueError
+    clip, rate = _parts("(.+)=(.*)", text)
     return clip, _positive(rate)
 
 
@@ -267,9 +262,7 @@ tracker = parser("must be mjlab or beyondmimic, for a motion of a robot that --m
 @parser("must be WIDTHxHEIGHT, such as 720x480")
 def picture_size(text: str) -> tuple[int, int]:
     """Parse ``WIDTHxHEIGHT``, a size in pixels."""
-    width, height = text.split("x")
-    if not (width.isdecimal() and height.isdecimal()):
-        raise ValueError
+    width, height = _parts(r"(\d+)x(\d+)", text)
     return int(width), int(height)
 
 
@@ -304,12 +297,9 @@ def obstacle(text: str) -> tuple[str, tuple[float, ...], Range | None]:
     Return the name of the shape with its numbers, or the file with x, y, z and yaw in degrees; and
     the first and last frame in which it is avoided, or None.
     """
-    what, span = text, None
-    if not Path(text).exists():
-        before, separator, range_text = text.rpartition("@")
-        if separator and "," not in range_text and range_text[:1].isdecimal():
-            what, span = before, frames(range_text)
-    return (*_shape(what), span)
+    found = None if Path(text).exists() else re.fullmatch(r"(.*)@(\d[^,@]*)", text, re.DOTALL)
+    span = frames(found[2]) if found else None
+    return (*_shape(found[1] if found else text), span)
 
 
 def _shape(text: str) -> tuple[str, tuple[float, ...]]:
@@ -339,16 +329,11 @@ Reached = tuple[Range, str, str | None, Point, float]
 )
 def reach(text: str) -> Reached:
     """Parse ``FRAMES:JOINT:[@PART+]X,Y,Z[~TOL]``; TOL and offsets are in skeleton heights."""
-    when, _, rest = text.partition(":")
-    joint, is_relative, place = rest.partition(":@")
-    part, sign, offset = place.partition("+")
-    if not is_relative:
-        joint, sign, offset = rest.rpartition(":")  # The name of a joint may contain colons.
-    if not (sign and joint) or (is_relative and not part):
-        raise ValueError
-    offset, tilde, tolerance = offset.partition("~")
-    within = _positive(tolerance) if tilde else REACH_TOLERANCE
-    return frame_or_frames(when), joint, part or None, _point(offset), within
+    # The name of a joint may contain colons.
+    pattern = r"([^:]*):((?:(?!:@).)+)(?::@([^+]+)\+|:)([^:~]*)(?:~(.*))?"
+    when, joint, part, place, tolerance = _parts(pattern, text)
+    within = REACH_TOLERANCE if tolerance is None else _positive(tolerance)
+    return frame_or_frames(when), joint, part, _point(place), within
 
 
 def face(text: str) -> tuple[Point, Range | None]:
