@@ -283,7 +283,11 @@ def _read_obstacle(kind: str, numbers: Sequence[float]) -> Obstacle:
 
 
 def check_combinations(options: GraftOptions) -> None:
-    """Raise a UsageError if options for new grafts contradict each other."""
+    """Raise a UsageError if options for new grafts contradict each other, or files are missing."""
+    if not options.files:
+        raise UsageError("expected LIB or FILE")
+    if records := [name for name in options.files if name.endswith(".json")]:
+        raise UsageError(f"{records[0]} is no motion; --from {records[0]} makes a graft again")
     names = options.changed()
     given = [name for name in _GRAPH_OPTIONS if name in names]
     if given and options.scenario != "graph":

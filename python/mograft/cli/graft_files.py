@@ -64,6 +64,22 @@ def renamed(graft: Graft, name: str | None) -> Graft:
     return graft if name is None else replace(graft, motion=replace(graft.motion, name=name))
 
 
+def new_paths(
+    options: GraftOptions, first: str, suffix: str, page: str, inputs: Sequence[str]
+) -> tuple[list[Path], Path]:
+    """Return `output_paths` of new grafts, whose names begin with that of the base or a scenario.
+
+    `first` is the first file, or the name of the first clip of a library.
+    """
+    path, clip = split_address(options.base or first)
+    if clip is None:
+        is_motion = Path(path).suffix.lower() in SUFFIXES
+        clip = Path(path).stem if is_motion else Path(path).name
+    stem = "scenario" if options.scenario == "graph" else portable_stem(clip)
+    names = [f"{stem}_graft{i}" for i in range(options.count)]
+    return output_paths(options, names, suffix, page, inputs)
+
+
 def output_paths(
     options: GraftOptions,
     names: Sequence[str],
@@ -87,19 +103,6 @@ def output_paths(
     others = [file for file in written if file != options.into]
     check_writable(others, force=options.force, inputs=inputs)
     return paths, report
-
-
-def names_of_motions(options: GraftOptions, first: str) -> list[str]:
-    """Return the names of new files: they begin with the name of the base, or with ``scenario``.
-
-    `first` is the first file, or the name of the first clip of a library.
-    """
-    path, clip = split_address(options.base or first)
-    if clip is None:
-        is_motion = Path(path).suffix.lower() in SUFFIXES
-        clip = Path(path).stem if is_motion else Path(path).name
-    stem = "scenario" if options.scenario == "graph" else portable_stem(clip)
-    return [f"{stem}_graft{i}" for i in range(options.count)]
 
 
 def with_command(graft: Graft, options: Options, sources: Sequence[str]) -> Graft:

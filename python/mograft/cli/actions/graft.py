@@ -59,31 +59,25 @@ def run(options: GraftOptions) -> int:
         return run_project(options)
     if options.from_ is not None:
         return _run_replay(options)
-    _check_options(options)
-    folder = files.library_folder(options.files)
-    library, sources = None, options.files
-    if folder is not None:
-        library = configuration.load_library(options)
-        if options.force:  # the recordings of the library must not be overwritten
-            sources = tuple(own.source_file.path for own in library.entries if own.source_file)
-    else:
-        sources = tuple(files.expand_folders(sources, include_grafts=options.include_grafts))
-    first = sources[0] if library is None else library.names[0]
-    is_robot = options.model if library is None else library.skeleton.hinges
-    suffix = ".csv" if is_robot else ".bvh"
-    place = (suffix, "index.html", sources)
-    names = graft_files.names_of_motions(options, first)
-    paths, page = graft_files.output_paths(options, names, *place)
+    configuration.check_combinations(options)
     if options.measure:
         import_extra("scipy", "--measure needs SciPy", "evaluate")
-    if library is None:
+    folder = files.library_folder(options.files)
+    if folder is None:
+        found = files.expand_folders(options.files, include_grafts=options.include_grafts)
+        place = (".csv" if options.model else ".bvh", "index.html", found)
+        paths, page = graft_files.new_paths(options, found[0], *place)
         strict = not files.has_folder(options.files)
-        library = configuration.load_library(replace(options, files=sources), strict=strict)
-        if library.refused:  # the first file may be one of them
-            names = graft_files.names_of_motions(options, library.names[0])
-            paths, page = graft_files.output_paths(options, names, *place)
-    if options.model and library.skeleton.hinges is None:
-        raise UsageError(f"--model requires motions of a robot, such as .csv; got {first}")
+        library = configuration.load_library(replace(options, files=tuple(found)), strict=strict)
+        if options.model and library.skeleton.hinges is None:
+            raise UsageError(f"--model requires motions of a robot, such as .csv; got {found[0]}")
+    else:
+        library = configuration.load_library(options)
+        # The recordings of the library must not be overwritten.
+        found = [own.source_file.path for own in library.entries if own.source_file]
+        place = (".bvh" if library.skeleton.hinges is None else ".csv", "index.html", found)
+    if folder is not None or library.refused:  # the first file may be one of them
+        paths, page = graft_files.new_paths(options, library.names[0], *place)
     constraints = configuration.read_constraints(options, library.rate)
     if options.change:
         constraints.append(mg.constraints.KeepOriginal())
@@ -114,15 +108,6 @@ def run(options: GraftOptions) -> int:
         grafts, paths = [grafts[k] for k in feasible], [paths[k] for k in feasible]
     _write_results(grafts, paths, page, options)
     return 0
-
-
-def _check_options(options: GraftOptions) -> None:
-    """Raise a UsageError if options without ``--from`` contradict each other."""
-    if not options.files:
-        raise UsageError("expected LIB or FILE")
-    if records := [name for name in options.files if name.endswith(".json")]:
-        raise UsageError(f"{records[0]} is no motion; --from {records[0]} makes a graft again")
-    configuration.check_combinations(options)
 
 
 def _run_replay(options: GraftOptions) -> int:
