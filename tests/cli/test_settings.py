@@ -77,7 +77,9 @@ def test_option_takes_the_value_of_the_nearest_source(tmp_path_factory, given_te
 
 
 def test_config_show_output_is_valid_config_file(succeed, working_folder):
-    Path(CONFIG_FILE).write_text('[plot]\ndark = true\ngroups = "lower_torso_arms"\n')
+    Path(CONFIG_FILE).write_text(
+        '[plot]\ndark = true\ngroups = "lower_torso_arms"\n[info.fps]\n"a b*" = 30\nc = 2\n'
+    )
     out = succeed("config", "show")[0]
     shown = tomllib.loads(out)["plot"]
     assert (shown["dark"], shown["groups"]) == (True, "lower_torso_arms")

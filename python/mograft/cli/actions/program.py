@@ -3,6 +3,7 @@
 import json
 import os
 import platform
+import re
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -83,9 +84,7 @@ def run_config(options: ShowOptions) -> int:
         settings = _find_settings(command) if options.only in (None, command.name) else []
         lines += [f"\n[{command.name}]"] if settings else []
         for name, value, origin in settings:
-            # TOML has the syntax of JSON, but also requires an escape for the character DEL.
-            text = json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-            line = f"# {name} =" if value is None else f"{name} = {text}"
+            line = f"# {name} =" if value is None else f"{name} = {_to_toml(value)}"
             lines.append(f"{line:32} # {origin}" if options.origin else line)
             row = {"command": command.name, "name": name, "value": value, "origin": origin}
             rows.append(row)
@@ -102,10 +101,17 @@ def _find_settings(command: Command) -> list[tuple[str, Any, str]]:
     found, settings = find_settings(command), list[tuple[str, Any, str]]()
     for argument in command.settings():
         own = found.get(argument.dest, Setting(argument.default, "default", argument.default))
-        fields = own.value if argument.dest == "set" else ()
-        settings += [(f"set.{name}", text, own.origin) for name, text in fields]
-        settings += [] if fields else [(argument.name, own.plain, own.origin)]
+        pairs = own.value if argument.is_repeated else ()  # such as fields of --set
+        for name, value in pairs:
+            key = name if re.fullmatch("[A-Za-z0-9_-]+", name) else _to_toml(name)
+            settings.append((f"{argument.name}.{key}", value, own.origin))
+        settings += [] if pairs else [(argument.name, own.plain, own.origin)]
     return settings
+
+
+def _to_toml(value: object) -> str:
+    # TOML has the syntax of JSON, but also requires an escape for the character DEL.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def run_completion(options: CompletionOptions) -> int:
