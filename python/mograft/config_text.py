@@ -1,8 +1,9 @@
 """The fields of `Config` as text: their values, and what they accept."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import fields
-from typing import Any, get_args
+from typing import Any
 
 from mograft.config import CHOICES, Config
 from mograft.errors import suggest_name
@@ -37,13 +38,8 @@ def parse_fields(assignments: Iterable[tuple[str, str]]) -> dict[str, Any]:
 def _parse(kind: Any, text: str) -> Any:  # noqa: ANN401 - any type of a field
     if kind is bool:
         return _BOOLEANS.get(text.lower(), text)
-    kinds = (kind, *get_args(kind))
-    for own in (int, float):
-        if own in kinds:
-            try:
-                return own(text)
-            except ValueError:
-                continue
+    with suppress(ValueError):
+        return kind(text) if kind in (int, float) else text
     return text
 
 
