@@ -40,8 +40,6 @@ class Setting:
     @property
     def plain(self) -> Any:  # noqa: ANN401 - of TOML
         """The value as TOML and JSON represent it."""
-        if isinstance(self.value, Path):
-            return str(self.value)
         return self.value if isinstance(self.value, str | int | float) else self.text or None
 
 
@@ -225,11 +223,10 @@ def parse(
         values["configured"] = settings.pop("set").value
     used = {name: own for name, own in settings.items() if found[name] is None}
     values["origins"] = {name: own.origin for name, own in used.items()}
+    found |= {name: own.value for name, own in used.items()}
     for argument in command.arguments():
         value = found[argument.dest]
-        if argument.dest in used:
-            value = used[argument.dest].value
-        elif value is None:
+        if value is None:
             value = argument.default
             if isinstance(value, str) and argument.value is not None:
                 value = argument.value.convert(value)
