@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import Field, dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, fields
 from numbers import Real
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
@@ -25,14 +25,14 @@ _FACTORS = ("length_weight", "distance_weight", "balance_weight", "novelty", "di
 """Factors of costs: infinity times a cost of 0 is not a number."""
 
 
-def setting(stage: str, default: T, at_least: float | None = None, *, stored: bool = True) -> T:
+def setting(stage: str, default: T, at_least: float | None = None, *, paper: T | None = None) -> T:
     """Return a field of `Config` that belongs to one of `STAGES`.
 
-    Numbers must be at least `at_least` or, by default, above 0. If `stored` is false, `as_dict`
-    leaves the field out while it has its default.
+    Numbers must be at least `at_least` or, by default, above 0. `paper` is the value in the paper,
+    None if it is the default.
     """
-    metadata = {"stage": stage, "at_least": at_least, "stored": stored}
-    return field(default=default, metadata=metadata)
+    paper = default if paper is None else paper
+    return field(default=default, metadata={"stage": stage, "at_least": at_least, "paper": paper})
 
 
 @dataclass(frozen=True)
@@ -182,30 +182,32 @@ class Config:
     """
 
     segmentation: Literal["energy"] | Mapping[str, Sequence[int]] | Callable[[Any], Any] = setting(
-        "segmentation", "energy", stored=False
+        "segmentation", "energy"
     )
     smoothing: float = setting("segmentation", 2 * FRAME, 0)
-    min_length: float = setting("segmentation", 3 * FRAME, 0)
-    max_length: float = setting("segmentation", 2.0)
+    min_length: float = setting("segmentation", 3 * FRAME, 0, paper=0.0)
+    max_length: float = setting("segmentation", 2.0, paper=math.inf)
     omega: Literal["world", "local"] = setting("segmentation", "world")
     inertia: Literal["own", "subtree", "unit"] = setting("segmentation", "own")
     samples: int = setting("embedding", 10, 2)
     components: int = setting("embedding", 10, 1)
-    keep_heading: bool = setting("embedding", default=False)
-    rotation_floor: float = setting("embedding", math.radians(0.5), 0)
-    position_floor: float = setting("embedding", 0.001, 0)
-    length_floor: float = setting("embedding", 0.5, 0)
-    sigma: Literal["rms", "literal"] = setting("neighbourhood", "rms")
-    sigma_scale: float = setting("neighbourhood", 0.75)
+    keep_heading: bool = setting("embedding", default=False, paper=True)
+    rotation_floor: float = setting("embedding", math.radians(0.5), 0, paper=0.0)
+    position_floor: float = setting("embedding", 0.001, 0, paper=0.0)
+    length_floor: float = setting("embedding", 0.5, 0, paper=0.0)
+    sigma: Literal["rms", "literal"] = setting("neighbourhood", "rms", paper="literal")
+    sigma_scale: float = setting("neighbourhood", 0.75, paper=1.0)
     # The candidates are found among the clusters and points when donors are searched.
-    neighbourhood: Literal["cluster", "ball"] = setting("search", "ball")
+    neighbourhood: Literal["cluster", "ball"] = setting("search", "ball", paper="cluster")
     max_stretch: float = setting("search", 0.15)
-    length_slack: float = setting("search", FRAME, 0)
+    length_slack: float = setting("search", FRAME, 0, paper=0.0)
     max_angle: float = setting("search", math.radians(45.0))
-    choice: Literal["viterbi", "sample", "nearest", "random"] = setting("search", "sample")
+    choice: Literal["viterbi", "sample", "nearest", "random"] = setting(
+        "search", "sample", paper="random"
+    )
     length_weight: float = setting("search", 1.0, 0)
     distance_weight: float = setting("search", 4.0, 0)
-    balance_weight: float = setting("search", 30.0, 0)
+    balance_weight: float = setting("search", 30.0, 0, paper=0.0)
     angle_scale: float = setting("search", math.radians(20.0))
     velocity_scale: float = setting("search", math.radians(200.0))
     novelty: float = setting("search", 10.0, 0)
@@ -213,15 +215,15 @@ class Config:
     diversity: float = setting("search", 3.0, 0)
     max_candidates: int = setting("search", 32, 1)
     seam: Literal["gradient", "offset", "paper", "displacement", "inertial"] = setting(
-        "blend", "gradient"
+        "blend", "gradient", paper="paper"
     )
     seam_window: float = setting("blend", 5 * FRAME, 0)
     seam_blend: float = setting("blend", 0.3)
-    torso: Literal["pelvis", "world"] = setting("blend", "world")
-    loop: Literal["auto", "on", "off"] = setting("search", "auto")
-    self_repair: bool = setting("search", default=True)
-    feet: Literal["auto", "never"] = setting("blend", "auto")
-    reach_ik: float = setting("blend", 0.25, 0)
+    torso: Literal["pelvis", "world"] = setting("blend", "world", paper="pelvis")
+    loop: Literal["auto", "on", "off"] = setting("search", "auto", paper="off")
+    self_repair: bool = setting("search", default=True, paper=False)
+    feet: Literal["auto", "never"] = setting("blend", "auto", paper="never")
+    reach_ik: float = setting("blend", 0.25, 0, paper=0.0)
 
     def __post_init__(self) -> None:
         for own in fields(self):
@@ -286,27 +288,8 @@ class Config:
         segments with recording faults are excluded donors; eq. 19 counts intervals instead of
         frames; sigma limits the diameter of a cluster.
         """
-        literal = cls(
-            min_length=0.0,
-            max_length=math.inf,
-            keep_heading=True,
-            rotation_floor=0.0,
-            position_floor=0.0,
-            length_floor=0.0,
-            sigma="literal",
-            sigma_scale=1.0,
-            neighbourhood="cluster",
-            length_slack=0.0,
-            choice="random",
-            balance_weight=0.0,
-            seam="paper",
-            torso="pelvis",
-            loop="off",
-            self_repair=False,
-            feet="never",
-            reach_ik=0.0,
-        )
-        return replace(literal, **changes)
+        values = {own.name: own.metadata["paper"] for own in fields(cls)}
+        return cls(**(values | changes))
 
     @classmethod
     def with_variety(cls, variety: float, **changes: Any) -> "Config":  # noqa: ANN401 - any field's value
@@ -353,13 +336,13 @@ class Config:
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as a dict of JSON values; infinity becomes None.
 
-        The fields of segmentation are left out if they have their defaults. A function is replaced
-        by its name, and `from_dict` refuses it.
+        `segmentation` is left out if it has its default. A function is replaced by its name, and
+        `from_dict` refuses it.
         """
         return {
             own.name: _to_json(getattr(self, own.name))
             for own in fields(self)
-            if own.metadata["stored"] or getattr(self, own.name) != own.default
+            if own.name != "segmentation" or self.segmentation != own.default
         }
 
     @classmethod
