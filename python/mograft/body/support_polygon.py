@@ -188,9 +188,8 @@ def facing_directions(motion: Motion, ground: Ground) -> FloatArray:
     hips = {limb.side: limb.hip for limb in reversed(ground.limbs)}
     if not {"left", "right"} <= hips.keys():
         return np.zeros((motion.n_frames, 3))
-    lines = np.empty((motion.n_frames, 3))
-    for frames, _, positions in motion.world_blocks():
-        lines[frames] = positions[:, hips["left"]] - positions[:, hips["right"]]
+    left, right = hips["left"], hips["right"]
+    lines = np.concatenate([own[:, left] - own[:, right] for _, _, own in motion.world_blocks()])
     return normalize(np.cross(lines, ground.up))
 
 
