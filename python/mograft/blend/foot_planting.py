@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mograft._util.arrays import BoolArray, FloatArray
-from mograft._util.gaussian import gaussian_filter
+from mograft._util.gaussian import gaussian_filter_columns
 from mograft._util.runs import find_runs
 from mograft._util.validate import check_type
 from mograft.blend import foot_targets
@@ -259,8 +259,7 @@ def shift_for_reach(
     sizes = np.pad(np.linalg.norm(nearest, axis=1), width, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(sizes, 2 * width + 1)
     frames = (np.arange(len(nearest)) + windows.argmax(axis=1) - width).clip(0, len(nearest) - 1)
-    smooth = [gaussian_filter(axis, _SMOOTHING_SECONDS * rate) for axis in nearest[frames].T]
-    return project(np.stack(smooth, axis=1))
+    return project(gaussian_filter_columns(nearest[frames], _SMOOTHING_SECONDS * rate))
 
 
 def limit_floor_speed(shift: FloatArray, path: FloatArray, up: FloatArray) -> FloatArray:
