@@ -115,15 +115,24 @@ def repetition(library: Library, scenario: Sequence[int] | IntArray | Scenario) 
     >>> repetition(library, [0, 1, 5, 0, 1])
     Repetition(longest_repeat=0.5, distinct_share=0.6)
     """
-    if not isinstance(scenario, Scenario):
-        scenario = Scenario(as_indices("scenario", scenario, ("n",)))
-    segments, n = scenario.segments.tolist(), len(library.segments)
-    outside = [segment for segment in segments if not 0 <= segment < n]
-    if outside:
-        raise ValueError(f"`scenario` must contain only segments 0 to {n - 1}, got {outside[0]}")
+    segments = as_scenario(scenario, library).segments.tolist()
     lengths, runs = library.segments.lengths[segments].tolist(), RepeatedRuns()
     longest = max(map(runs.append, segments, lengths))
     return Repetition(float(longest / library.rate), len(set(segments)) / len(segments))
+
+
+def as_scenario(scenario: Sequence[int] | IntArray | Scenario, library: Library) -> Scenario:
+    """Convert a sequence of segments to a `Scenario`, and check that all segments exist."""
+    if not isinstance(scenario, Scenario):
+        indices = as_indices("scenario", scenario, ("n",))
+        if not len(indices):
+            raise ValueError("`scenario` must contain at least one segment, got none")
+        scenario = Scenario(indices)
+    n = len(library.segments)
+    wrong = scenario.segments[(scenario.segments < 0) | (scenario.segments >= n)]
+    if len(wrong):
+        raise ValueError(f"`scenario` must contain only segments 0 to {n - 1}, got {wrong[0]}")
+    return scenario
 
 
 class RepeatedRuns:

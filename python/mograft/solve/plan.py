@@ -7,14 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
-from mograft._util.arrays import IntArray, as_indices
+from mograft._util.arrays import IntArray
 from mograft._util.memory import reuse_freed_arrays
 from mograft.body.groups import OTHER_BASE, suggest_groups
 from mograft.config import Config
 from mograft.library.library import Library
 from mograft.motion.motion import Motion
 from mograft.scenario import Scenario
-from mograft.scenario.scenario import realize_scenario
+from mograft.scenario.scenario import as_scenario, realize_scenario
 from mograft.search.constraints import Constraint, Violation
 from mograft.search.donor_choice import DONOR_CHOICES, unique_sequences
 from mograft.search.segment_pool import SegmentPool
@@ -49,7 +49,7 @@ class GraftPlan:
         """
         reuse_freed_arrays()
         groups = grafted_groups(library, swap)
-        own = None if scenario is None else _as_scenario(scenario, library)
+        own = None if scenario is None else as_scenario(scenario, library)
         if own is not None:
             if base is not None:
                 raise ValueError(
@@ -139,7 +139,7 @@ class GraftPlan:
 
 
 def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
-    """Return the groups to graft, in the library's order; None means all but the base group."""
+    """Return the groups to graft, in hierarchical order; None means all but the base group."""
     base = library.groups.base
     others = [name for name in library.groups.names if name != base]
     if isinstance(swap, str):
@@ -158,18 +158,5 @@ def grafted_groups(library: Library, swap: Sequence[str] | None) -> list[str]:
             )
     if not wanted:
         raise ValueError(f"`swap` must name at least one of {', '.join(others)}; got none")
-    return [name for name in others if name in wanted]
-
-
-def _as_scenario(scenario: Sequence[int] | IntArray | Scenario, library: Library) -> Scenario:
-    """Convert a sequence of segments to a `Scenario`, and check that all segments exist."""
-    if not isinstance(scenario, Scenario):
-        indices = as_indices("scenario", scenario, ("n",))
-        if not len(indices):
-            raise ValueError("`scenario` must contain at least one segment, got none")
-        scenario = Scenario(indices)
-    n = len(library.segments)
-    wrong = scenario.segments[(scenario.segments < 0) | (scenario.segments >= n)]
-    if len(wrong):
-        raise ValueError(f"`scenario` must contain only segments 0 to {n - 1}, got {wrong[0]}")
-    return scenario
+    chosen = [name for name in others if name in wanted]
+    return sorted(chosen, key=lambda name: int(library.joints(name).min()))

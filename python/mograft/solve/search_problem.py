@@ -220,9 +220,9 @@ class SearchProblem:
     ) -> "SearchProblem":
         """Find the candidates that satisfy limits on cluster and length, and donor constraints.
 
-        If `AvoidSelf.captured` is 0, it is set to the largest depth of self-collision in the base
-        motion. An item that is not a constraint raises TypeError; a constraint with an unknown
-        joint, clip or frame raises ValueError.
+        `groups` are in hierarchical order. If `AvoidSelf.captured` is 0, it is set to the largest
+        depth of self-collision in the base motion. An item that is not a constraint raises
+        TypeError; a constraint with an unknown joint, clip or frame raises ValueError.
         """
         if not isinstance(constraints, Collection) or len(constraints):
             poses = Poses.from_motion(base)
@@ -232,7 +232,6 @@ class SearchProblem:
         config = limit_config(library.config, constraints)
         if not DONOR_CHOICES[config.choice].depends_on_costs:
             config = replace(config, max_candidates=len(library.segments))
-        groups = sorted(groups, key=lambda group: int(library.joints(group).min()))
         constraints = resolve_segments(constraints, groups, base_segments, library)
         pools = {group: library.pool(group) for group in groups}
         lists = {}

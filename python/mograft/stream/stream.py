@@ -145,9 +145,7 @@ class Stream:
         if isinstance(delay, bool) or not isinstance(delay, int | float) or not delay >= 0:
             raise ValueError(f"`delay` must be at least 0 seconds, got {delay!r}")
         check_type("library", library, Library)
-        groups = sorted(
-            grafted_groups(library, swap), key=lambda group: int(library.joints(group).min())
-        )
+        groups = grafted_groups(library, swap)
         check_stream_config(library.config)
         check_stream_groups(library, groups)
         self._library, self._horizon, self._delay = library, horizon, float(delay)
