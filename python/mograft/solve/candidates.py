@@ -18,7 +18,8 @@ from mograft.search.donor_choice import cost_model
 from mograft.search.donor_constraints import limit_config
 from mograft.search.segment_pool import SegmentPool
 from mograft.solve.donor_trellis import candidate_poses, pose_amounts
-from mograft.solve.search_problem import SearchProblem, used_donors
+from mograft.solve.plan import GraftPlan
+from mograft.solve.search_problem import used_donors
 
 
 @dataclass(frozen=True)
@@ -159,19 +160,17 @@ def _judge_candidates(
     ascending order of the members. The base motion is the clip of `segment`. If the group contains
     the root, every member is moved to the root transform with which the base segment starts.
     """
-    clip = int(library.segments.clip[segment])
-    scenario = library.segments.of_clip(clip)
-    base, base_segments = library.clips[clip], library.segments[scenario]
     if not isinstance(constraints, Constraint):
         constraints = [
             own
             for own in constraints
             if not isinstance(own, Constraint) or own.applies_to_group(group)
         ]
-    problem = SearchProblem.build(library, base, scenario, base_segments, [group], constraints)
-    position = int(np.searchsorted(scenario, segment))
+    clip = int(library.segments.clip[segment])
+    problem = GraftPlan.build(library, clip, [group], constraints).problem
+    position = int(np.searchsorted(problem.scenario, segment))
     hard = [own for own in problem.constraints if own.is_hard]
-    used = used_donors(hard, base_segments, library)[position]
+    used = used_donors(hard, problem.base_segments, library)[position]
     neighbours = problem.pools[group].neighbours(np.array([segment]), problem.config)[0]
     members = np.union1d(neighbours, used)
     positions = np.full(len(members), position)
