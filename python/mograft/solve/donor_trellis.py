@@ -221,8 +221,7 @@ def _insert_rotations(
     frame of the base for each row of `local`.
     """
     library = problem.library
-    axes = problem.divided_channels[group]
-    joints = problem.group_specs[group].whole_joints
+    axes, joints = problem.group_specs[group].held, problem.group_specs[group].whole_joints
     lean = problem.trunk_leans[group]
     clip_of_row = np.repeat(taken.clip, counts)
     for clip in np.unique(taken.clip):
@@ -297,7 +296,8 @@ def reachable_balls(problem: SearchProblem, group: str, context: Motion) -> Pose
     extents = dict.fromkeys(range(skeleton.n_joints), 0.0)
     capsule_extents = np.linalg.norm(body.bones, axis=1) + body.radii
     extents.update(zip(body.joints.tolist(), capsule_extents.tolist(), strict=True))
-    moved = {*problem.group_specs[group].whole_joints.tolist(), *problem.divided_channels[group]}
+    spec = problem.group_specs[group]
+    moved = {*spec.whole_joints.tolist(), *spec.held}
     lengths = [float(np.linalg.norm(own, axis=1).max()) for own in context.positions.swapaxes(0, 1)]
     radii: dict[int, float] = {}
     for joint in np.flatnonzero(problem.driven_joints[group]).tolist():

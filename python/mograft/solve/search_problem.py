@@ -288,14 +288,6 @@ class SearchProblem:
         return [{leg.hip, leg.knee, leg.ankle} <= joints for leg in legs]
 
     @cached_property
-    def divided_channels(self) -> dict[str, dict[int, str]]:
-        """For each group, the joints of which it has only some rotation channels.
-
-        The values are the axes of these channels.
-        """
-        return self.library.groups.divided_channels(self.library.skeleton)
-
-    @cached_property
     def base_joints(self) -> IntArray:
         """The joints of the base group, without the root, whose poses are compared."""
         compared = feature_joints(self.base.skeleton, self.library.joints(self.library.groups.base))
@@ -319,12 +311,13 @@ class SearchProblem:
     def group_specs(self) -> dict[str, GraftedGroup]:
         """For each grafted group, its description as an argument of `transplant`."""
         library = self.library
+        held = library.groups.divided_channels(library.skeleton)
         return {
             group: GraftedGroup(
                 joints=joints_of_donors(library, library.joints(group)),
                 root=library.root,
                 up=library.up,
-                held=self.divided_channels[group],
+                held=held[group],
             )
             for group in self.pools
         }
