@@ -6,7 +6,7 @@ from dataclasses import Field, dataclass, field, fields
 from numbers import Real
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
-from mograft._util.validate import check_choice, freeze_cut_frames, is_integer, python_scalar
+from mograft._util.validate import as_integer, check_choice, freeze_cut_frames, python_scalar
 from mograft.errors import suggest_name
 
 FRAME = 1.0 / 30.0
@@ -227,7 +227,6 @@ class Config:
 
     def __post_init__(self) -> None:
         for own in fields(self):
-            python_scalar(self, own.name)
             self._check(own)
         self._check_segmentation()
         for name, accepted in CHOICES.items():
@@ -241,16 +240,14 @@ class Config:
             )
 
     def _check(self, own: "Field[Any]") -> None:
-        """Check the value of a field that is a boolean or a number."""
-        value, at_least = getattr(self, own.name), own.metadata["at_least"]
+        """Replace a NumPy scalar in a field, and check a value that is a boolean or a number."""
+        value, at_least = python_scalar(self, own.name), own.metadata["at_least"]
         if own.type is bool and not isinstance(value, bool):
             raise ValueError(f"`{own.name}` must be True or False, got {value!r}")
-        if own.type is int and (not is_integer(value) or value < at_least):
-            raise ValueError(
-                f"`{own.name}` must be a whole number of at least {at_least}, got {value!r}"
-            )
+        if own.type is int:
+            as_integer(own.name, value, at_least)
         power = 15 if own.type is int else 300  # larger ones are no indices, or no floats
-        if is_integer(value) and value > 10**power:
+        if isinstance(value, int) and value > 10**power:
             raise ValueError(f"`{own.name}` must be at most 10^{power}, got a larger number")
         if own.type is float:
             if isinstance(value, bool) or not isinstance(value, int | float):

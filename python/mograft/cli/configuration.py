@@ -63,14 +63,13 @@ def refuse_useless_options(options: Options, uses: Mapping[str, Sequence[str]], 
             raise UsageError(f"--{name} requires {', '.join(uses[name])}; got {value}")
 
 
-def refuse_fixed_options(options: Options, *names: str) -> None:
+def refuse_fixed_options(options: FieldOptions, *names: str) -> None:
     """Raise a UsageError if the command line sets what is fixed when a library is created.
 
     `names` are options. Fields of ``--set`` on which segments depend are fixed, too.
     """
     fixed = options.given(*names)
-    if isinstance(options, FieldOptions):
-        fixed += [f"set {name}" for name, _ in options.set if name in _FIXED_FIELDS]
+    fixed += [f"set {name}" for name, _ in options.set if name in _FIXED_FIELDS]
     if fixed:
         raise UsageError(
             f"--{fixed[0]} is fixed when a library is created: make another library "
