@@ -98,6 +98,22 @@ def draft_folder(target: Path) -> Iterator[Path]:
         yield folder
 
 
+@contextmanager
+def atomic_folder(target: Path) -> Iterator[Path]:
+    """Yield a temporary folder that becomes `target` when the block succeeds.
+
+    Its entries are synced, and the folder of `target` after it. Raises OSError if `target` is then
+    a file, or a folder with files.
+    """
+    with draft_folder(target) as folder:
+        draft = folder / target.name
+        draft.mkdir()
+        yield draft
+        sync(draft)
+        draft.replace(target)
+        sync(target.parent)
+
+
 def _short_hash(text: str) -> str:
     return hashlib.sha256(os.fsencode(text)).hexdigest()[:12]
 

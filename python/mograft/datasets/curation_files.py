@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mograft._util.atomic import draft_folder, sync, write_bytes
+from mograft._util.atomic import atomic_folder, write_bytes
 from mograft._util.validate import check_choice, check_type
 from mograft.datasets.curation import Choice, Curation
 from mograft.io.csv import to_csv
@@ -120,9 +120,7 @@ def write_choice(
         raise FileExistsError(f"{target} exists: choose another folder")
     sources = {} if files == "none" else _sources(library, found)
     target.parent.mkdir(parents=True, exist_ok=True)
-    with draft_folder(target) as outer:
-        draft = outer / target.name
-        draft.mkdir()
+    with atomic_folder(target) as draft:
         for name, source in sources.items():
             place = draft / "clips" / name
             place.parent.mkdir(parents=True, exist_ok=True)
@@ -133,9 +131,6 @@ def write_choice(
                 place.symlink_to(source)
         write_bytes(draft / "clips.csv", curation_table(found))
         curation_page(library, found).save(draft / "index.html")
-        sync(draft)
-        os.replace(draft, target)
-        sync(target.parent)
     return target
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from mograft._util.atomic import checked_path, draft_folder, sync
+from mograft._util.atomic import atomic_folder, checked_path, draft_folder, sync
 from mograft._util.extras import import_extra
 from mograft._util.validate import check_choice
 from mograft.io.csv import without_formula
@@ -30,21 +30,15 @@ def export_tables(
     tables = library_tables(library)
     target = Path(path)
     write = _write_parquet if kind == "parquet" else _write_csv
-    with draft_folder(target) as folder:
-        draft = folder / target.name
-        draft.mkdir()
+    is_new = not target.is_dir()
+    with (atomic_folder if is_new else draft_folder)(target) as draft:
         for name, columns in tables.items():
             write(draft / f"{name}.{kind}", columns)
             sync(draft / f"{name}.{kind}")
-        if target.is_dir():
-            # Other files in the folder stay.
+        if not is_new:  # other files in the folder stay
             for file in draft.iterdir():
                 os.replace(file, target / file.name)
             sync(target)
-        else:
-            sync(draft)
-            os.replace(draft, target)
-            sync(target.parent)
     return [target / f"{name}.{kind}" for name in tables]
 
 

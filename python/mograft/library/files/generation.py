@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from mograft._core import VERSION  # noqa: TID251 - the crates hold the version
 from mograft._util.arrays import FloatArray, IntArray, Packed
-from mograft._util.atomic import draft_folder, exclusive_lock, sync
+from mograft._util.atomic import atomic_folder, exclusive_lock, sync
 from mograft._util.signals import clean_up_by
 from mograft.errors import LibraryError, join_names
 from mograft.library.clip_table import ClipLocation, ClipTable, skeleton_to_json, write_clip_table
@@ -236,15 +236,9 @@ def write_generation(
 @contextlib.contextmanager
 def _write_new(final: Path) -> Iterator[GenerationWriter]:
     """Yield a writer of a new library, in a temporary folder that is renamed after the commit."""
-    with draft_folder(final) as folder:
-        draft = folder / final.name
-        draft.mkdir()
-        with _lock(draft):
-            yield GenerationWriter(draft, final, None, 1)
-        # After the lock file is closed: Windows does not rename a folder with an open file.
-        if (draft / MANIFEST).exists():
-            draft.rename(final)
-            sync(final.parent)
+    # The lock file is closed first: Windows does not rename a folder with an open file.
+    with atomic_folder(final) as draft, _lock(draft):
+        yield GenerationWriter(draft, final, None, 1)
 
 
 @contextlib.contextmanager
