@@ -13,6 +13,7 @@ from mograft.cli.syntax.values import Range, resolve_frames
 from mograft.errors import join_names, suggest_frames
 from mograft.io.formats import split_address
 from mograft.library.discover import FoundClip, exclude_grafts, find_clips, scan_folder
+from mograft.library.files.storage import is_library
 
 _MAX_SHOWN_CLIPS = 12
 _EXPORTED = (".glb", ".usd", ".usda", ".usdc", ".mp4", ".gif", ".npz", ".csv")
@@ -82,11 +83,6 @@ def library_folder(files: Sequence[str], clips: Sequence[str] = ()) -> Path | No
             "LIB --base FILE grafts a file, mograft index FILE --add -o LIB adds it to a library"
         )
     return Path(files[0])
-
-
-def is_library(name: str | Path) -> bool:
-    """Return whether a path is the folder of a library."""
-    return (Path(name) / "manifest.json").is_file()
 
 
 def select_clips(library: Library, patterns: Sequence[str]) -> list[int]:

@@ -52,7 +52,7 @@ def with_flags(text: str, options: Options, *, is_advice: bool = False) -> str:
     def flag(match: re.Match[str]) -> str:
         name, value = match.groups()
         if name == "groups":
-            from mograft.cli.files import is_library  # takes long to import
+            from mograft.library.files.storage import is_library  # takes long to import
 
             files = getattr(options, "files", ())
             is_fixed = not hasattr(options, name) or any(map(is_library, files))

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from mograft.errors import suggest_name
+from mograft.library.files.storage import is_library
 from mograft.library.library import Library
 from mograft.library.origin import find_source_file, hash_poses
 from mograft.motion.motion import Motion
@@ -144,7 +145,7 @@ class Desk:
     @property
     def is_stored_library(self) -> bool:
         """Whether the input is the folder of a library."""
-        return any(sources.is_library(own.path) for own in self.project.inputs)
+        return any(is_library(own.path) for own in self.project.inputs)
 
     def name_of(self, own: ProjectMotion) -> str:
         """Return the name of a motion."""

@@ -12,6 +12,7 @@ from mograft.errors import DAMAGE, MograftError
 from mograft.io.formats import split_address
 from mograft.library.derive import BUILD_STAGES
 from mograft.library.discover import SourceFile, find_clips
+from mograft.library.files.storage import is_library
 from mograft.library.files.stored_clips import StoredClips
 from mograft.library.ingest_run import MISMATCH_REMEDY
 from mograft.library.library import Library
@@ -51,11 +52,6 @@ def _build_options(project: Project) -> dict[str, Any]:
     """Return the fields of the configuration on which the library of a project depends."""
     config = project.full_config
     return {name: getattr(config, name) for name in Config.fields_of(*BUILD_STAGES)}
-
-
-def is_library(path: str | Path) -> bool:
-    """Return whether a path is the folder of a library."""
-    return (Path(path) / "manifest.json").is_file()
 
 
 def build(project: Project, progress: Progress) -> Opened:

@@ -10,7 +10,7 @@ from mograft import InsufficientDataError, Library, Motion, view
 from mograft._util.atomic import write_bytes
 from mograft._util.workers import worker_processes
 from mograft.cli import configuration
-from mograft.cli.files import check_suffix, check_writable, frame_range, is_library
+from mograft.cli.files import check_suffix, check_writable, frame_range
 from mograft.cli.graft_files import open_page
 from mograft.cli.output import print_remark, print_result, show_progress
 from mograft.cli.syntax.arguments import UsageError
@@ -25,6 +25,7 @@ from mograft.datasets.splits import Part
 from mograft.datasets.writing import write
 from mograft.errors import join_names
 from mograft.io.formats import read_clip, split_address
+from mograft.library.files.storage import is_library
 from mograft.viewing.page import temporary_path
 
 

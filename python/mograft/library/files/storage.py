@@ -70,6 +70,11 @@ def read(folder: Path) -> StoredLibrary:
     raise LibraryError(f"{folder} was rewritten {_MAX_READ_ATTEMPTS} times while it was read")
 
 
+def is_library(path: str | Path) -> bool:
+    """Return whether a path is the folder of a library."""
+    return (Path(path) / MANIFEST).is_file()
+
+
 def read_manifest(folder: Path) -> dict[str, Any]:
     """Return the manifest of a library after checking format, version, checksum and files."""
     if not folder.exists():
@@ -77,7 +82,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     try:
         document = parse_document((folder / MANIFEST).read_text(encoding="utf-8"))
     except NotADirectoryError as error:
-        if (folder.parent / MANIFEST).is_file():
+        if is_library(folder.parent):
             raise LibraryError(
                 f"{folder} is a file of a library; did you mean {str(folder.parent)!r}?"
             ) from error
