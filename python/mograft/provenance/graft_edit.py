@@ -100,11 +100,12 @@ def edit(graft: Graft, *edits: Constraint, seed: int | None = None) -> Graft:
                 "contain: the new donors need not satisfy it",
                 stacklevel=2,
             )
-    kept = [*remaining_constraints(old, rules, problem), *added]
+    edited = position_masks(rules, problem)
+    fixed = position_masks([own for own in rules if not isinstance(own, Ban)], problem)
+    kept = [*remaining_constraints(old, edited, fixed, problem), *added]
     plan = plan_of(graft, [*kept, *(own for own in rules if not _bans_present(own))])
     if any(map(_bans_present, rules)):
         plan = plan_of(graft, [*kept, *_with_present_donors(graft, plan.problem, rules)])
-    edited = position_masks(rules, problem)
     is_open = edited | (violating_positions(graft, plan.problem, old) if added else False)
     result = choose_again(graft, plan, is_open, seed)
     return apply_changes(result, plan.problem, remaining_changes(changes, plan.problem, edited))
@@ -218,16 +219,15 @@ def position_masks(constraints: Sequence[Constraint], problem: SearchProblem) ->
 
 
 def remaining_constraints(
-    constraints: Sequence[Constraint], edits: Sequence[Constraint], problem: SearchProblem
+    constraints: Sequence[Constraint], edited: BoolArray, fixed: BoolArray, problem: SearchProblem
 ) -> list[Constraint]:
     """Return the constraints that remain after edits.
 
-    At the segments of an edit, earlier hard `Use` and `KeepOriginal` no longer apply; at those of
-    a `Use` or `KeepOriginal` edit, earlier hard `Ban` no longer apply either.
+    At the positions `edited`, shape (n_groups, n_segments), earlier hard `Use` and `KeepOriginal`
+    no longer apply; at those of `fixed`, of `Use` or `KeepOriginal` edits, earlier hard `Ban` no
+    longer apply either.
     """
     segments, kept = problem.base_segments, list[Constraint]()
-    edited = position_masks(edits, problem)
-    fixed = position_masks([own for own in edits if not isinstance(own, Ban)], problem)
     for constraint in constraints:
         selected = position_masks([constraint], problem)
         removed = fixed if isinstance(constraint, Ban) else edited

@@ -20,7 +20,7 @@ from mograft.provenance.graft_edit import (
     violating_positions,
 )
 from mograft.search.constraints import Constraint, Span
-from mograft.search.donor_constraints import Ban, KeepOriginal
+from mograft.search.donor_constraints import KeepOriginal
 from mograft.search.pose_constraints import Reach
 from mograft.search.segment_pool import list_pairs
 from mograft.search.trellis import DonorSequences, viterbi
@@ -46,15 +46,10 @@ def regenerate(graft: Graft, ranges: Ranges, seed: int, *, locked: Ranges = ()) 
     """
     changes, graft = graft.changes, unchanged(graft)
     problem = plan_of(graft, ()).problem
-    groups, cut = list(problem.pools), problem.base_segments
     is_open = select_positions(problem, ranges) & ~select_positions(problem, locked)
-    rules = [
-        Ban(frames=(int(cut.start[at]), int(cut.stop[at])), group=groups[row])
-        for row, at in np.argwhere(is_open).tolist()
-    ]
-    kept = remaining_constraints(graft.request.constraints, rules, problem)
-    plan = plan_of(graft, kept)
-    is_free = dict(zip(groups, is_open, strict=True))
+    old, is_fixed = graft.request.constraints, np.zeros_like(is_open)
+    plan = plan_of(graft, remaining_constraints(old, is_open, is_fixed, problem))
+    is_free = dict(zip(problem.pools, is_open, strict=True))
 
     def without_present(group: str, position: int, candidates: IntArray) -> IntArray:
         others = candidates[candidates != graft.donors[group][position]]
