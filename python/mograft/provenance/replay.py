@@ -113,19 +113,17 @@ def _replay(record: GraftRecord, library: Library | None, sources: Sequence[str]
     scenario = _read_scenario(record, recorded)
     plan = GraftPlan.build(recorded.library, recorded.base, groups, (), scenario)
     versions = _find_versions(record, recorded, plan)
-    request = _read_request(record, sources)
+    request = replace(_read_request(record, sources), scenario=plan.scenario)
     graft = _finish_versions(record, plan, versions, request.constraints)
-    graft = apply_changes(graft, plan.problem, _read_changes(record, plan))
-    expected, found = record.document["poses_sha256"], hash_poses(graft.motion)
+    graft = _with_recorded(graft, record, request)
+    changed = apply_changes(graft, plan.problem, _read_changes(record, plan))
+    expected, found = record.document["poses_sha256"], hash_poses(changed.motion)
     if record.has_own_config and expected != found:
         raise record.error(
             f"the motion differs from that of the provenance: SHA-256 of its poses {found}, "
             f"expected {expected}; another version of mograft made it"
         )
-    request = replace(request, scenario=plan.scenario)
-    if graft.unchanged is not None:
-        graft = replace(graft, unchanged=_with_recorded(graft.unchanged, record, request))
-    return _with_recorded(graft, record, request)
+    return replace(changed, violations=graft.violations)
 
 
 def _read_scenario(record: GraftRecord, recorded: RecordedLibrary) -> Scenario | None:
