@@ -36,7 +36,7 @@ def open_paths(desk: Desk, paths: Sequence[Path | str]) -> None:
     """
     added: list[ProjectInput] = []
     for path in map(str, paths):
-        kind = _kind_of(path)
+        kind = kind_of(path)
         if kind == "project":
             use_file(desk, Path(path).resolve())
         elif kind == "graft":
@@ -132,7 +132,7 @@ def _open_graft(desk: Desk, path: str) -> None:
     desk.set(project, f"open {record.name}")
 
 
-def _kind_of(path: str) -> str:
+def kind_of(path: str) -> str:
     """Return whether a path is a project, a graft or an input."""
     file, clip = split_address(path)
     if clip is not None:

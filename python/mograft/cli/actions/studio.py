@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import mograft as mg
-from mograft._util.documents import read_document
 from mograft._util.extras import import_extra
 from mograft._util.signals import clean_up_by
 from mograft.cli.files import check_suffix, check_writable
@@ -16,7 +15,7 @@ from mograft.cli.syntax.commands import StudioOptions
 from mograft.cli.syntax.options import GraftOptions
 from mograft.io.formats import recognize_format, split_address
 from mograft.studio.export import replay_project, write_motions
-from mograft.studio.project import FORMAT
+from mograft.studio.opening import kind_of
 from mograft.studio.session import Session
 
 _FOLDER = Path("studio")
@@ -35,7 +34,7 @@ def run_studio(options: StudioOptions) -> int:
             raise FileNotFoundError(2, "No such file or directory", str(path))
         if path.is_file() and path.suffix.lower() != ".json" and not recognize_format(path):
             raise UsageError(f"{name} is neither a motion file, nor a project.json or a library")
-    projects = [name for name in options.files if _is_project(Path(name))]
+    projects = [name for name in options.files if kind_of(name) == "project"]
     if projects and len(options.files) > 1:
         raise UsageError(f"a project is opened alone, got {len(options.files)} files")
     project = Path(projects[0]) if projects else None
@@ -46,7 +45,7 @@ def run_studio(options: StudioOptions) -> int:
     from mograft.studio.server import StudioServer
 
     # `print_remark` does not know in the threads of the server whether --quiet is given.
-    report = _no_report if options.quiet else print_remark
+    report = (lambda _: None) if options.quiet else print_remark
     folder.mkdir(parents=True, exist_ok=True)
     session = Session(folder, project)
     with clean_up_by(session.close):
@@ -61,17 +60,6 @@ def run_studio(options: StudioOptions) -> int:
                 print_remark("no browser found: open the address yourself")
             server.wait()
     return 0
-
-
-def _is_project(path: Path) -> bool:
-    if path.suffix.lower() != ".json" or not path.is_file():
-        return False
-    document = read_document(path)
-    return isinstance(document, dict) and document.get("format") == FORMAT
-
-
-def _no_report(_: str) -> None:
-    pass
 
 
 def run_project(options: GraftOptions) -> int:
