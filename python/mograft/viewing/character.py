@@ -14,6 +14,7 @@ from mograft._util.arrays import FloatArray
 from mograft.errors import DAMAGE, FormatError
 from mograft.io.character import open_character
 from mograft.io.gltf.container import Container, read_accessor, to_floats
+from mograft.io.gltf.copy_content import IMAGE_TYPES
 from mograft.io.gltf.document import GltfFile
 from mograft.io.gltf.nodes import NodeTree
 from mograft.motion import rotations
@@ -25,7 +26,6 @@ MAX_BYTES = 8_000_000
 
 _MAX_TEXTURE_PIXELS = 1024
 _REST_TOLERANCE = 0.02  # Difference of rest poses, relative to the extent.
-_IMAGES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 _COMPRESSED = ("KHR_draco_mesh_compression", "KHR_texture_basisu")
 
 
@@ -243,7 +243,7 @@ def _read_texture(container: Container, index: int) -> dict[str, Any]:
             if uri.startswith("data:")
             else container.read_file(uri, MAX_BYTES, place)
         )
-    kind = next((k for magic, k in _IMAGES.items() if content.startswith(magic)), "")
+    kind = next((k for magic, k in IMAGE_TYPES.items() if content.startswith(magic)), "")
     if kind:
         content, kind = _shrink(content, kind)
     samplers = container.document.get("samplers") or []

@@ -4,7 +4,7 @@ from mograft.errors import FormatError
 from mograft.io.glb import GltfBuffer, Json
 from mograft.io.gltf.container import COMPRESSION, Container
 
-_IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
+IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 """Media types of images by their first bytes."""
 
 MAX_IMAGE_BYTES = 1 << 30
@@ -88,7 +88,7 @@ def _copy_image(container: Container, image: object, buffer: GltfBuffer) -> obje
         data = container.read_file(uri, MAX_IMAGE_BYTES, "images")
     except FormatError:
         return image
-    found = [name for start, name in _IMAGE_TYPES.items() if data[: len(start)] == start]
+    found = [name for start, name in IMAGE_TYPES.items() if data[: len(start)] == start]
     kind = found[0] if found else image.get("mimeType")
     if not isinstance(kind, str):
         return image
