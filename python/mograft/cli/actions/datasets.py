@@ -132,10 +132,9 @@ def run_find(options: FindOptions) -> int:
     lines = [_describe_hit(hit, library.rate) for hit in hits] or ["no span was found"]
     if options.output is not None or options.open:
         path = options.output or temporary_path()
-        first = [] if query is None or frames is None else [(query, *frames)]
-        found = [library.names.index(own.clip) for own in hits[:_MAX_SHOWN]]
-        pairs = zip(hits, found, strict=False)
-        spans = first + [(library.clips[clip], own.start, own.stop) for own, clip in pairs]
+        spans = [] if query is None or frames is None else [(query, *frames)]
+        for own in hits[:_MAX_SHOWN]:
+            spans.append((library.clips[library.names.index(own.clip)], own.start, own.stop))
         items = [
             replace(motion[start : stop + 1], name=f"{motion.name} {start}-{stop}", path=None)
             for motion, start, stop in spans

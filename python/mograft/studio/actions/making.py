@@ -95,12 +95,9 @@ def more_like(desk: Desk, fields: Fields) -> tuple[Project, str]:
 
 def _library(desk: Desk, fields: Fields) -> Library:
     """Return the library with the options of new motions, and those of an action."""
-    library, changes = desk.ready_library(), dict[str, Any]()
-    variety = fields.number("variety")
-    if variety is not None:
-        changes["sigma_scale"] = scale_of_variety(variety)
-    if fields.flag("loop"):
-        changes["loop"] = "on"
+    library, variety = desk.ready_library(), fields.number("variety")
+    changes: dict[str, Any] = {"loop": "on"} if fields.flag("loop") else {}
+    changes |= {} if variety is None else {"sigma_scale": scale_of_variety(variety)}
     config = Config.from_dict(library.config.as_dict() | dict(desk.project.config) | changes)
     return desk.workshop.configured(library, config)
 
