@@ -11,13 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mograft as mg
-from mograft.body.faults import KINDS
 from mograft.motion import rotations
 from tests.dialects import Dialect, clips, to_text
 from tests.hierarchies import DATA
 from tests.strategies import few_examples
 
 N_FRAMES = 60
+KINDS = ("frame_time", "first_frame", "teleport", "glitch", "flip", "frozen", "wrap")
 
 
 def swaying_figure(rate=60.0, unit=1.0, phase=0.0):

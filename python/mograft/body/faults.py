@@ -17,7 +17,6 @@ from mograft._util.verdict import compare_with_most
 from mograft.motion import rotations
 from mograft.motion.motion import Motion, forward_kinematics
 
-KINDS = ("frame_time", "first_frame", "teleport", "glitch", "flip", "frozen", "wrap")
 HARMLESS_FAULTS = ("wrap",)
 """Kinds that do not change the motion and require no action."""
 
@@ -49,8 +48,8 @@ class Fault:
 
     Parameters
     ----------
-    kind : str
-        One of `KINDS`.
+    kind : {"frame_time", "first_frame", "teleport", "glitch", "flip", "frozen", "wrap"}
+        What is suspected.
     frames : tuple of int
         First and last frame, counted from 0.
     joint : int or None
