@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mograft._util.atomic import atomic_path, exclusive_lock, write_bytes, write_text
+from mograft._util.atomic import atomic_folder, atomic_path, exclusive_lock, write_bytes, write_text
 
 KILLED_SCRIPT = """
 import os, signal, sys
@@ -71,6 +71,25 @@ def test_atomic_path_error_keeps_old_file(tmp_path):
         write_and_fail()
     assert list_names(tmp_path) == ["a.bvh"]
     assert target.read_text() == "old"
+
+
+def test_atomic_folder_appears_whole_or_not_at_all(tmp_path):
+    target = tmp_path / "new"
+
+    def write(name, *, fails):
+        with atomic_folder(target) as draft:
+            (draft / name).write_text("")
+            if fails:
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write("half", fails=True)
+    assert list_names(tmp_path) == []
+    write("whole", fails=False)
+    with pytest.raises(OSError, match="new"):  # it has a file
+        write("other", fails=False)
+    assert list_names(tmp_path) == ["new"]
+    assert list_names(target) == ["whole"]
 
 
 def test_atomic_path_dangling_link_is_refused(tmp_path):
