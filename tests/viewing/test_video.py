@@ -116,6 +116,20 @@ def test_write_video_short_motion_keeps_last_frame(motion, tmp_path):
     assert np.abs(left[12] - left[-1]).max() > 60
 
 
+@settings(max_examples=10, deadline=None)
+@given(st.integers(1, 12), st.integers(1, 12), st.integers(1, 12))
+def test_draw_pictures_block_length_gives_same_pictures(motion, block, first, second):
+    motions = [motion[:first], motion[10 : 10 + second]]
+    films = []
+    for length in (256, block):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("mograft.viewing.film_pictures._FRAMES_PER_BLOCK", length)
+            pictures = draw_pictures(motions, 30.0, SIZE, None, dark=False)
+            films.append([picture.tobytes() for picture in pictures])
+    assert len(films[0]) == max(first, second)
+    assert films[0] == films[1]
+
+
 @pytest.mark.parametrize("name", [*HOSTILE_NAMES, "엉덩이", "x" * 500])
 def test_write_video_hostile_names_succeed(tmp_path, name):
     lone = Skeleton([name], [-1], [[0, 0, 0]], end_sites=(EndSite(0, [0, 0, 0]),))
