@@ -72,6 +72,18 @@ def test_view_damaged_provenance_warns_and_shows_motion(tmp_path, damage):
     assert shown(path.with_suffix(".bvh"))["clips"] == data["clips"]
 
 
+@pytest.mark.usefixtures("made")
+def test_view_provenance_of_groups_that_are_numbers_has_all_columns(tmp_path):
+    path = tmp_path / "out" / "new.json"
+    document = json.loads(path.read_text())
+    for own in document["substitutions"]:
+        own["group"] = 3
+    path.write_text(json.dumps(document))
+    (row,) = shown(path.with_suffix(".bvh"))["clips"][1]["rows"]
+    assert row["group"] == "3"
+    assert len(row["stretch"]) == len(row["start"]) == len(document["substitutions"])
+
+
 def test_plot_timeline_of_file_hatches_exchanged_segments(made, tmp_path):
     pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     from matplotlib import pyplot

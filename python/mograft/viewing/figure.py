@@ -186,8 +186,8 @@ def _recorded_row(record: GraftRecord, group: str) -> TimelineRow:
         for seam in record.document["seams"]
         if seam["group"] == group
     }
-    substitutions = record.document["substitutions"]
-    stretches = [float(own["stretch"]) for own in substitutions if own["group"] == group]
+    pairs = zip(record.donors, record.document["substitutions"], strict=True)
+    stretches = [float(own["stretch"]) for donor, own in pairs if donor.group == group]
     donors = [own for own in record.donors if own.group == group]
     parts: dict[str, list[Any]] = {
         "start": [own.frames[0] for own in donors],
