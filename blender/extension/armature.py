@@ -275,7 +275,7 @@ def _to_motion(rig, action, curves, frames, turns, places, rate):
     if placement.has_object:
         quats = np.concatenate([object_turns[:, None], quats], axis=1)
         points = np.concatenate([object_places[:, None], points], axis=1)
-    return rebase(rig.rest, quats, points, 1.0 / rate, name=action.name)
+    return rebase(rig.rest, (quats, points), 1.0 / rate, name=action.name)
 
 
 def sample_visual(rig, action, rate):

@@ -3,11 +3,16 @@
 `tests.weekly.blender` checks the extension in Blender.
 """
 
+import ast
+import inspect
 import tomllib
 import zipfile
+from functools import reduce
+from importlib import import_module
 
 import pytest
 
+import mograft as mg
 from release.blender import SOURCES, build, check_imports, main
 
 NAME = "mograft-1.2.3-cp311-abi3-{}.whl"
@@ -77,3 +82,31 @@ def test_check_imports_connections_and_processes_are_refused(tmp_path, line):
     module.write_text(f"import bpy\n\ndef call():\n    {line}\n")
     with pytest.raises(ValueError, match=r"module.py:4: \S+ is not an allowed import"):
         check_imports(module)
+
+
+def names_of_mograft(tree):
+    """The names that a module imports from mograft, and their objects."""
+    for own in ast.walk(tree):
+        if isinstance(own, ast.Import):
+            aliases = [alias for alias in own.names if alias.name == "mograft"]
+            yield from ((alias.asname, mg) for alias in aliases)
+        elif isinstance(own, ast.ImportFrom) and not own.level and "mograft" in own.module:
+            module = import_module(own.module)
+            yield from ((alias.name, getattr(module, alias.name)) for alias in own.names)
+
+
+@pytest.mark.parametrize("name", ["armature", "change", "grafting", "groups", "scene_constraints"])
+def test_calls_of_mograft_fit_the_signatures_of_its_functions(name):
+    tree = ast.parse((SOURCES / f"{name}.py").read_text(encoding="utf-8"))
+    known, n_checked = dict(names_of_mograft(tree)), 0
+    for call in (own for own in ast.walk(tree) if isinstance(own, ast.Call)):
+        first, *parts = ast.unparse(call.func).split(".")
+        is_name = all(map(str.isidentifier, parts))
+        if first in known and is_name and parts != ["ProvenanceError"]:
+            signature = inspect.signature(reduce(getattr, parts, known[first]))
+            given = [own for own in call.args if not isinstance(own, ast.Starred)]
+            options = {own.arg: own for own in call.keywords if own.arg}
+            is_whole = len(given) + len(options) == len(call.args) + len(call.keywords)
+            (signature.bind if is_whole else signature.bind_partial)(*given, **options)
+            n_checked += 1
+    assert n_checked
