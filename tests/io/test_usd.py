@@ -148,6 +148,7 @@ def test_usd_without_usd_core_names_the_extra(motion, tmp_path, capsys, monkeypa
     path = tmp_path / "x.usda"
     write_usd(motion, path)
     monkeypatch.setitem(sys.modules, "pxr", None)
+    monkeypatch.delitem(sys.modules, "mograft.io.usd_reader", raising=False)  # imports pxr once
     assert main(["export", str(path), "-o", str(tmp_path / "y.usd")]) == 1
     assert "pip install 'mograft[usd]'" in capsys.readouterr().err
     with pytest.raises(ModuleNotFoundError, match=r"pip install 'mograft\[usd\]'"):
