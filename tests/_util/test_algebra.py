@@ -103,7 +103,7 @@ def test_find_runs_matches_itertools_groupby(mask):
     assert find_runs(mask).tolist() == expected
 
 
-@given(MASKS, st.integers(0, 4))
+@given(MASKS, st.integers(0, 4) | st.just(1 << 40))
 def test_dilate_marks_positions_within_the_distance(mask, steps):
     marked = np.flatnonzero(mask)
     expected = [bool((np.abs(marked - i) <= steps).any()) for i in range(len(mask))]

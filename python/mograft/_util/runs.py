@@ -38,6 +38,7 @@ def dilate(mask: BoolArray, steps: int = 1) -> BoolArray:
     >>> dilate(np.array([False, False, True, False])).tolist()
     [False, True, True, True]
     """
+    steps = min(steps, len(mask))  # more would take memory only
     width = 2 * steps + 1
     counts = np.cumsum(np.pad(mask, (steps + 1, steps)))
     return counts[width:] > counts[:-width]
