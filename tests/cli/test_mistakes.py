@@ -176,6 +176,8 @@ MISTAKES = [
     ("graft a.bvh -o x --avoid box:0,0,0,2,2,-2", USAGE, "HX,HY,HZ must not be negative"),
     ("graft lib -o x --swap lower", RUNTIME, "and use a library made by mograft index FILE -o LIB"),
     ("stream a.bvh --port 0 --delay inf", USAGE, "must be seconds of at least 0, such as 0.5, got"),
+    ("studio cut.json", INVALID, "cut.json: expected JSON: "),
+    ("graft --project cut.json -o x", INVALID, "cut.json: expected JSON: "),
     ("studio text", USAGE, "text is neither a motion file, nor a project.json or a library"),
     ("graft a.bvh -o x --scenario graph --duration 1e300", RUNTIME, "at most 86400 s, got 1e+300"),
     ("graft a.bvh -o x --scenario graph --beats 1e300", RUNTIME,
@@ -262,6 +264,7 @@ def mistakes_folder(tmp_path_factory):
     (folder / "other.bvh").write_text(text.replace("LeftForeArm", "LeftElbow"))
     (folder / "broken.bvh").write_text(text.replace("OFFSET", "OFSET", 1))
     (folder / "text").write_text("text")
+    (folder / "cut.json").write_text('{"format": ')
     (folder / "tags.csv").write_text("clip,tags\nwalk,slow\n")
     (folder / "robot.xml").write_text(ROBOT)
     (folder / "empty").mkdir()
