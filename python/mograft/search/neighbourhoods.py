@@ -1,5 +1,6 @@
 """Neighbourhoods of base segments: the values of `Config.neighbourhood`."""
 
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -10,6 +11,12 @@ from mograft._util.arrays import FloatArray, IntArray
 
 FEWEST_DONORS = 2
 """Number of donors up to which the nearest ones beyond a ball are added; see `SegmentPool`."""
+
+_ROUNDING = 1e-11
+"""Bound of the rounding error of a squared distance, relative to the greatest squared norm."""
+
+_SORTED: "dict[int, tuple[weakref.ref[FloatArray], tuple[IntArray, FloatArray, FloatArray]]]" = {}
+"""The last result of `_sort`, by the identity of its argument."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,16 +101,38 @@ def _ball_members(
     """
     if points is None:
         return [base[index : index + 1] for index in range(len(base))]
-    order = np.argsort(points[:, 0], kind="stable")
-    by_first, ranks = points[order], np.argsort(order)[base]
+    (order, by_first, squares), limit = _sort(points), sigma * sigma
     reach = sigma * (1.0 + 1e-9)  # the sum below is rounded
     first = np.searchsorted(by_first[:, 0], points[base, 0] - reach, side="left")
     last = np.searchsorted(by_first[:, 0], points[base, 0] + reach, side="right")
     found: list[IntArray] = []
-    for low, high, rank in zip(first.tolist(), last.tolist(), ranks.tolist(), strict=True):
-        near = np.arange(low, high)
-        distances = point_distances(by_first, near, np.full(len(near), rank))
-        found.append(np.sort(order[near[distances <= sigma]]))
+    with np.errstate(over="ignore", invalid="ignore"):  # points of a damaged library are far away
+        for low, high, point in zip(first.tolist(), last.tolist(), points[base], strict=True):
+            # A product of matrices is fast but rounded: distances near the radius are exact.
+            gaps = squares[low:high] - 2.0 * (by_first[low:high] @ point) + point @ point
+            slack = _ROUNDING * squares[low:high].max()
+            near = np.flatnonzero(gaps <= limit + slack)
+            unsure = gaps[near] >= limit - slack
+            distances = np.linalg.norm(by_first[low:high][near[unsure]] - point, axis=1)
+            unsure[unsure] = distances > sigma
+            found.append(np.sort(order[low:high][near[~unsure]]))
+    return found
+
+
+def _sort(points: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return the order by the first component, the points in it, and their squared norms.
+
+    The result is kept: all grafts of a library use the same points.
+    """
+    known = _SORTED.get(id(points))
+    if known is not None and known[0]() is points:
+        return known[1]
+    order = np.argsort(points[:, 0], kind="stable")
+    by_first = points[order]
+    found = order, by_first, np.einsum("ij,ij->i", by_first, by_first)
+    if not points.flags.writeable:
+        _SORTED.clear()
+        _SORTED[id(points)] = weakref.ref(points), found
     return found
 
 
