@@ -172,7 +172,10 @@ class Motion(ReadOnlyArrays):
 
     def world_positions(self) -> FloatArray:
         """Return the world positions of all joints, shape (n_frames, n_joints, 3)."""
-        return np.concatenate([positions for _, _, positions in self.world_blocks()])
+        positions = np.empty(self.positions.shape)
+        for frames, _, block in self.world_blocks():
+            positions[frames] = block
+        return positions
 
     def world_blocks(self) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
         """Yield consecutive ranges of frames, each with its `world_transforms`.
@@ -251,7 +254,12 @@ class Motion(ReadOnlyArrays):
         frame is NaN, all angles of that joint in that frame are derived. Of equivalent angles,
         those nearest to the previous frame are returned.
         """
-        return np.concatenate(list(self.channel_blocks(_FRAMES_PER_BLOCK)))
+        numbers = np.empty((self.n_frames, self.skeleton.n_channels))
+        stop = 0
+        for block in self.channel_blocks(_FRAMES_PER_BLOCK):
+            start, stop = stop, stop + len(block)
+            numbers[start:stop] = block
+        return numbers
 
     def channel_blocks(self, length: int) -> Iterator[FloatArray]:
         """Yield the `channel_numbers` of consecutive blocks of at most `length` frames."""
