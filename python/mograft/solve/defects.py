@@ -124,13 +124,16 @@ class DefectMeasure:
 
         Only differences between the n frames of `derivatives` count.
         """
-        own, width = np.zeros((2, len(derivatives[0]))), self._half_width
+        own = np.zeros((2, len(derivatives[0])))
         # A second difference reaches one step to both sides, a third one step further.
         for row, values, reach in zip(own, derivatives, (1, 2), strict=True):
             inner = slice(self._step, max(len(row) - reach * self._step, 0))
             row[inner] = values[inner]
-        padded = np.pad(own, ((0, 0), (width, width)))
-        return np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1, axis=1).max(axis=2)
+        peaks = own.copy()
+        for distance in range(1, self._half_width + 1):
+            np.maximum(peaks[:, distance:], own[:, :-distance], out=peaks[:, distance:])
+            np.maximum(peaks[:, :-distance], own[:, distance:], out=peaks[:, :-distance])
+        return peaks
 
     def _clip_peaks(self, clip: Motion) -> FloatArray:
         """Return the `_peaks_nearby` of a recording."""
