@@ -26,6 +26,7 @@ from mograft.search.costs import (
     INFEASIBLE_PENALTY,
     PRESELECTION,
     ConstraintViolations,
+    CostModel,
     length_fits,
     origin_violations,
 )
@@ -50,6 +51,13 @@ class GroupCandidates:
     origin_costs: FloatArray  # with soft constraints on clip and length, and for copies of the base
     costs: FloatArray  # with pose constraints as well
     sampled: SampledDonors | None = None  # all candidates; None if no pose constraint applies
+    _seam_costs: FloatArray | None = field(default=None, init=False, repr=False)
+
+    def seam_costs_to(self, following: "GroupCandidates", model: CostModel) -> FloatArray:
+        """Return the seam costs to the candidates of the next segment; later calls reuse them."""
+        if self._seam_costs is None:
+            self._seam_costs = model.seam_costs(self.boundary, following.boundary)
+        return self._seam_costs
 
 
 @dataclass(eq=False, kw_only=True)
@@ -322,9 +330,10 @@ class StreamSearch:
         if group in self._committed:
             boundary = self._committed[group].boundary
             first_costs = first_costs + model.seam_costs(boundary, candidates[0].boundary)[0]
-        ends = pairwise(own.boundary for own in candidates)
-        seam_costs = tuple(model.seam_costs(*pair) for pair in ends)
-        return Trellis((first_costs, *(own.costs for own in candidates[1:])), seam_costs)
+        return Trellis(
+            (first_costs, *(following.costs for following in candidates[1:])),
+            tuple(before.seam_costs_to(after, model) for before, after in pairwise(candidates)),
+        )
 
 
 def _read_rotations(library: Library, segment: int) -> FloatArray:
