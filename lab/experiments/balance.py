@@ -41,7 +41,7 @@ def measure(recordings, *, is_quick):
             for name, grafts in made.items()
         }
         for name, own in samples.items():
-            row = balance_row(name, own)
+            row = balance_row(kind, name, own)
             paired = {
                 other.name: pair(samples[Analogy.name], samples[other.name]).as_dict()
                 for other in METHODS[:-1]
@@ -59,10 +59,10 @@ def pair(first, second):
     These are the segments that both exchange in the same run. `first` and `second` have the
     `BalanceSample` of each base.
     """
-    states = [np.concatenate([own.states()[:-1] for own in two], axis=1) for two in (first, second)]
+    states = [np.concatenate([own.after for own in two], axis=1) for two in (first, second)]
     changed = [np.concatenate([own.changed for own in two], axis=1) for two in (first, second)]
     difference = np.where(changed[0] & changed[1], states[0] - states[1], np.nan)
-    lengths = [len(own.cut) for own in first]
+    lengths = [len(own.before) for own in first]
     blocks = estimate.segment_blocks(np.repeat(np.arange(len(first)), lengths))
     repeated = np.broadcast_to(blocks, difference.shape).ravel()
     return estimate.block_mean(difference.ravel(), repeated, "segments that both exchange")

@@ -56,9 +56,10 @@ def test_balance_lifted_motion_over_given_floor_is_flight():
         unbalanced, flight = found.classify(cut)
         assert flight.all()
         assert not unbalanced.any()
-    sample = BalanceSample(cut, found, [found], np.ones((1, len(cut)), bool))
+    states = np.full(len(cut), np.nan)
+    sample = BalanceSample(states, states[None], np.ones((1, len(cut)), bool))
     with pytest.raises(InsufficientDataError, match="flight"):
-        balance_row("x", [sample])
+        balance_row("static", "x", [sample])
     assert support_polygons(lifted).sizes.any()  # without a reference, its floor is higher
 
 
@@ -132,17 +133,14 @@ def test_balance_support_of_other_frames_raises_value_error(measure, n_frames):
         measure(DANCE[:20], support=support)
 
 
-def test_balance_row_random_balances_equals_counted_rates():
-    """Segments of one frame each, a fifth of them in flight."""
+def test_balance_row_random_states_equals_counted_rates():
+    """A fifth of the segments is in flight."""
     rng, samples, states, changed = np.random.default_rng(4), [], [], []
     for n in (15, 10):
-        values = rng.choice([-1.0, 1.0, 1.0, -1.0, np.nan], (4, n)).repeat(2, axis=1)
-        cut = Segments(np.arange(0, 2 * n, 2), np.arange(1, 2 * n, 2))
-        states.append((values[:, ::2] + 1.0) / 2.0)
+        states.append(rng.choice([0.0, 1.0, 1.0, 0.0, np.nan], (4, n)))
         changed.append(rng.random((3, n)) < 0.5)
-        original, *grafts = map(static_distances, values)
-        samples.append(BalanceSample(cut, original, grafts, changed[-1]))
-    row = balance_row("x", samples)
+        samples.append(BalanceSample(states[-1][0], states[-1][1:], changed[-1]))
+    row = balance_row("static", "x", samples)
     (before, *after), is_changed = np.concatenate(states, 1), np.concatenate(changed, 1)
     differences = np.array(after) - before
     assert row.rate.value == pytest.approx(np.nanmean(after))

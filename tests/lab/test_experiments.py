@@ -7,7 +7,6 @@ import shutil
 import tarfile
 from dataclasses import fields, replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -36,6 +35,7 @@ from lab.measures.clip_features import clip_features
 from lab.studies import compare
 from mograft import Config, mirror, rotations
 from mograft.dancer import dance
+from mograft.evaluation.balance import BalanceSample
 from tests.strategies import SEEDS, transform_motion
 
 
@@ -142,12 +142,11 @@ def test_balance_pair_is_the_mean_over_segments_that_both_exchange(seed, n_runs,
     def draw():
         states = rng.choice([0.0, 1.0, np.nan], (n_runs + 1, n_segments))
         changed = rng.random((n_runs, n_segments)) < 0.7
-        cut = np.arange(n_segments)
-        return SimpleNamespace(states=lambda: states, changed=changed, cut=cut)
+        return BalanceSample(states[-1], states[:-1], changed)
 
     first, second = draw(), draw()
     differences = [
-        first.states()[run, k] - second.states()[run, k]
+        first.after[run, k] - second.after[run, k]
         for run in range(n_runs)
         for k in range(n_segments)
         if first.changed[run, k] and second.changed[run, k]

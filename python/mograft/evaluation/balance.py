@@ -7,7 +7,7 @@ It shows whether grafts are less balanced than the recordings that they were mad
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal, Self
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 
@@ -204,35 +204,15 @@ def _zero_moment_points(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class BalanceSample:
-    """Balance of one base and of its grafts, for `balance_row`.
+class BalanceSample(NamedTuple):
+    """States of the segments of one base and of its grafts, for `balance_row`.
 
-    Attributes
-    ----------
-    cut : Segments
-        Segments of the base.
-    original : Balance
-        Balance of the base.
-    grafts : sequence of Balance
-        Balance of each of the n_runs grafts.
-    changed : ndarray of bool, shape (n_runs, n_segments)
-        Whether each segment has an exchanged part in each of the grafts.
+    States are 1 for unbalanced segments, 0 for balanced ones and NaN for those in flight.
     """
 
-    cut: Segments
-    original: Balance
-    grafts: Sequence[Balance]
-    changed: BoolArray
-
-    def states(self) -> FloatArray:
-        """Return 1 for unbalanced segments, 0 for balanced ones and NaN for those in flight.
-
-        The array has a row for each graft, followed by that of the base: shape
-        (n_runs + 1, n_segments).
-        """
-        found = [own.classify(self.cut) for own in (*self.grafts, self.original)]
-        return np.stack([np.where(flight, np.nan, unbalanced) for unbalanced, flight in found])
+    before: FloatArray  # states in the base, (n_segments,)
+    after: FloatArray  # states in each graft, (n_runs, n_segments)
+    changed: BoolArray  # whether a segment has an exchanged part, (n_runs, n_segments)
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,14 +232,18 @@ class BalancedBase:
         return cls(library.segments[library.segments.of_clip(clip)], support, balances)
 
     def sample(self, kind: str, grafts: Sequence[Graft] | None) -> BalanceSample:
-        """Return the balance of the base and its grafts; for None, the base is its only graft."""
-        own, n_segments = self.balances[kind], len(self.cut)
+        """Return the states of the base and its grafts; for None, the base is its only graft."""
+        before, n_segments = self._states(self.balances[kind]), len(self.cut)
         if grafts is None:
-            return BalanceSample(self.cut, own, [own], np.ones((1, n_segments), bool))
-        balances = [graft_balance(kind, graft, self.support) for graft in grafts]
+            return BalanceSample(before, before[None], np.ones((1, n_segments), bool))
+        after = [self._states(graft_balance(kind, graft, self.support)) for graft in grafts]
         is_exchanged = np.array([[not s.is_own for s in graft.substitutions] for graft in grafts])
         changed = np.any(is_exchanged.reshape(len(grafts), -1, n_segments), axis=1)
-        return BalanceSample(self.cut, own, balances, np.asarray(changed, bool))
+        return BalanceSample(before, np.stack(after), np.asarray(changed, bool))
+
+    def _states(self, balance: Balance) -> FloatArray:
+        unbalanced, flight = balance.classify(self.cut)
+        return np.where(flight, np.nan, unbalanced)
 
 
 @dataclass(frozen=True)
@@ -292,15 +276,15 @@ class BalanceRow(Record):
     runs: int
 
 
-def balance_row(method: str, samples: Sequence[BalanceSample]) -> BalanceRow:
+def balance_row(kind: str, method: str, samples: Sequence[BalanceSample]) -> BalanceRow:
     """Compare the balance of grafts with that of their bases, segment by segment.
 
     Parameters
     ----------
-    method : str
-        Name of the method that selected the donors.
+    kind, method : str
+        As for `BalanceRow`.
     samples : sequence of BalanceSample
-        Balance of each base and of its grafts. All bases have the same number of grafts.
+        States of each base and of its grafts. All bases have the same number of grafts.
 
     Returns
     -------
@@ -313,22 +297,21 @@ def balance_row(method: str, samples: Sequence[BalanceSample]) -> BalanceRow:
     InsufficientDataError
         If every segment is in flight.
     """
-    states = np.concatenate([sample.states() for sample in samples], axis=1)
-    values, before = states[:-1], states[-1]
-    is_grounded = np.isfinite(values)
+    before, after, is_changed = (np.concatenate(own, axis=-1) for own in zip(*samples, strict=True))
+    is_grounded = np.isfinite(after)
     if not is_grounded.any():
         raise InsufficientDataError("balance needs feet on the floor: every segment is in flight")
-    changed = np.where(np.concatenate([own.changed for own in samples], axis=1), values, np.nan)
-    lengths = [len(sample.cut) for sample in samples]
+    changed = np.where(is_changed, after, np.nan)
+    lengths = [len(sample.before) for sample in samples]
     blocks = estimate.segment_blocks(np.repeat(np.arange(len(samples)), lengths))
-    all_blocks = np.tile(blocks, len(values))
+    all_blocks = np.tile(blocks, len(after))
     paired = "changed segments, paired with the recording"
     return BalanceRow(
-        kind=samples[0].original.kind,
+        kind=kind,
         method=method,
-        rate=estimate.block_mean(values.ravel(), all_blocks, "segments times runs"),
+        rate=estimate.block_mean(after.ravel(), all_blocks, "segments times runs"),
         rate_changed=estimate.block_mean(changed.ravel(), all_blocks, "changed segments"),
         difference_changed=estimate.block_mean((changed - before).ravel(), all_blocks, paired),
         flight=float(1.0 - is_grounded.mean()),
-        runs=len(values),
+        runs=len(after),
     )

@@ -158,7 +158,8 @@ def evaluate(
     if "balance" in topics:
         with _recorded_refusal(refusals, "balance"):
             bases_with_balance = [BalancedBase.of(library, clip) for clip in clips.tolist()]
-            found["balance"] += _balance_rows("recording", bases_with_balance, None, refusals)
+            recorded = [None] * len(bases_with_balance)
+            found["balance"] += _balance_rows("recording", bases_with_balance, recorded, refusals)
     for name, make in made.items():
         with _recorded_refusal(refusals, name):
             grafts = []
@@ -170,8 +171,10 @@ def evaluate(
                 with _recorded_refusal(refusals, topic if name == GRAFTS else f"{topic} of {name}"):
                     if topic in _MEASURES:
                         found[topic].append(_MEASURES[topic](name, grafts, seed))
-            if bases_with_balance:
-                found["balance"] += _balance_rows(name, bases_with_balance, grafts, refusals)
+            # The donors may allow fewer different grafts of a base than requested.
+            count = min(map(len, grafts))
+            several = [own[:count] for own in grafts]
+            found["balance"] += _balance_rows(name, bases_with_balance, several, refusals)
     report("measuring", 1, 1)
     parameters = {"seed": seed, "runs": runs, "bases": base_names, "ways": list(made)}
     parameters |= {"confidence": 0.95, "config": library.config.as_dict()}
@@ -201,18 +204,13 @@ def _recorded_refusal(refusals: dict[str, str], topic: str) -> Iterator[None]:
 def _balance_rows(
     method: str,
     bases: Sequence[BalancedBase],
-    grafts: Sequence[Sequence[Graft]] | None,
+    grafts: Sequence[Sequence[Graft] | None],
     refusals: dict[str, str],
 ) -> list[BalanceRow]:
-    """Return the balance of one method, by kind; `grafts` is None for the recording."""
+    """Return the balance of one method, by kind; `grafts` has None for the recording of a base."""
     rows = []
-    # The donors may allow fewer different grafts of a base than requested.
-    count = None if grafts is None else min(map(len, grafts))
-    for kind in BALANCES:
-        samples = [
-            base.sample(kind, None if grafts is None else grafts[position][:count])
-            for position, base in enumerate(bases)
-        ]
+    for kind in BALANCES if bases else ():
+        samples = [base.sample(kind, own) for base, own in zip(bases, grafts, strict=True)]
         with _recorded_refusal(refusals, f"{kind} balance"):
-            rows.append(balance_row(method, samples))
+            rows.append(balance_row(kind, method, samples))
     return rows
