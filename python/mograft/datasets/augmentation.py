@@ -1,7 +1,7 @@
 """Windows of grafts as a sequence: which bases, which donors, and what each window holds."""
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import zip_longest
@@ -13,6 +13,7 @@ import numpy as np
 from mograft._util.arrays import IntArray
 from mograft._util.containers import LazySequence, SizedCache, remember
 from mograft._util.names import find_matches
+from mograft._util.runs import find_runs
 from mograft._util.validate import as_integer, check_type
 from mograft.datasets.features import (
     DEFAULT_FEATURES,
@@ -184,8 +185,8 @@ class Augmentation(LazySequence[dict[str, Array]]):
 
     def _windows(
         self, graft: Graft, draw: int, starts: Sequence[int], encode: Encode | None
-    ) -> list[Window]:
-        motion, root, found = graft.motion, self.library.root, list[Window]()
+    ) -> Iterator[Window]:
+        motion, root = graft.motion, self.library.root
         tracks = compute_tracks(self.features, motion, root)
         for start in starts:
             frames = slice(start, start + self.n_frames)
@@ -193,8 +194,7 @@ class Augmentation(LazySequence[dict[str, Array]]):
             provenance = provenance_rows(graft, draw, start, self.n_frames)
             row = cut_window(self.features, tracks, motion, frames, root)
             data = encode(replace(motion[frames], name=name)) if encode else b""
-            found.append(Window(name, row, provenance, data))
-        return found
+            yield Window(name, row, provenance, data)
 
     @cached_property
     def _ends(self) -> IntArray:
@@ -328,19 +328,19 @@ def augment(
     wanted = [clip for clip in matches if chosen.clips[clip]]
     spans = _faultless_spans(library)
     starts = {
-        clip: [k for low, high in spans[clip] for k in range(low, high - n_frames + 1, step)]
+        clip: found
         for clip in wanted
+        if (found := [k for a, b in spans[clip] for k in range(a, b - n_frames + 1, step)])
     }
-    clips = [clip for clip in wanted if len(starts[clip])]
     if not wanted:
         raise ValueError(f"`bases` must match a clip of the part {chosen.name}, got {bases!r}")
-    if not clips:
-        longest = max(stop - start for clip in wanted for start, stop in spans[clip])
+    if not starts:
+        longest = max((stop - start for clip in wanted for start, stop in spans[clip]), default=0)
         raise ValueError(
             f"`seconds` must be at most {longest / library.rate:.6g}, the longest span without "
             f"faults of the base clips of {chosen.name}, got {seconds:g}"
         )
-    order = _order_bases(library, clips, starts, seed)
+    order = _order_bases(library, starts, seed)
     return Augmentation(
         library=library,
         part=chosen,
@@ -377,29 +377,23 @@ def _key(plan: GraftPlan, donors: DonorSequences, start: int, n_frames: int) -> 
     return b"".join(own[inside].tobytes() for own in donors.values())
 
 
-def _faultless_spans(library: Library) -> list[list[tuple[int, int]]]:
+def _faultless_spans(library: Library) -> list[list[list[int]]]:
     """Return for each clip the spans of frames without faults; the last frame is not included."""
-    cut, first = library.segments, [0] * len(library.entries)
-    spans: list[list[tuple[int, int]]] = [[] for _ in first]
-    for segment in np.flatnonzero(~library.is_donor).tolist():
-        clip = int(cut.clip[segment])
-        spans[clip].append((first[clip], int(cut.start[segment])))
-        first[clip] = int(cut.stop[segment]) + 1
-    for clip, entry in enumerate(library.entries):
-        spans[clip].append((first[clip], entry.n_frames))
-    return spans
+    is_faultless = [np.ones(entry.n_frames, bool) for entry in library.entries]
+    cut = library.segments[~library.is_donor]
+    for clip, start, stop in zip(cut.clip.tolist(), cut.start, cut.stop, strict=True):
+        is_faultless[clip][start : stop + 1] = False
+    return [find_runs(own).tolist() for own in is_faultless]
 
 
-def _order_bases(
-    library: Library, clips: Sequence[int], starts: dict[int, list[int]], seed: int
-) -> list[int]:
+def _order_bases(library: Library, starts: dict[int, list[int]], seed: int) -> list[int]:
     """Return base clips in the order of a pass: evenly over sets of tags, long clips rather first.
 
     The order within a set is a random one in which the chance to be next is proportional to the
     number of windows (Efraimidis and Spirakis, 2006). Sets take turns.
     """
-    rng = np.random.default_rng(seed)
-    n_windows = np.array([len(starts[clip]) for clip in clips], float)
+    rng, clips = np.random.default_rng(seed), list(starts)
+    n_windows = np.array([len(own) for own in starts.values()], float)
     ranks = np.argsort(-(rng.random(len(clips)) ** (1.0 / n_windows)), kind="stable")
     sets: dict[tuple[str, ...], list[int]] = {}
     for rank in ranks.tolist():
