@@ -48,8 +48,8 @@ def measure(windows: Augmentation, folder: str | PathLike[str]) -> Detectability
     draws: dict[str, list[int]] = {}
     for row in rows.astype(int).tolist():
         draws.setdefault(every[row][0], []).append(every[row][1])
-    names = [without_formula(windows.library.entries[base].name) for base in windows.bases.tolist()]
-    bases = {name: int(base) for name, base in zip(names, windows.bases, strict=True)}
+    names = windows.library.names
+    bases = {without_formula(names[base]): base for base in windows.bases.tolist()}
     grafts = [
         windows.build(bases[name], sorted(own)) for name, own in draws.items() if name in bases
     ]

@@ -89,11 +89,10 @@ def read_split(path: Path) -> dict[str, str]:
 
 
 def _parts_of_table(library: Library, table: Mapping[str, str], source: str) -> list[str]:
-    parts = [""] * len(library.entries)
-    listed: list[list[str]] = [[] for _ in library.entries]
-    for clip, entry in enumerate(library.entries):
+    parts, listed = [""] * len(library.entries), list[list[str]]()
+    for entry in library.entries:
         file = "" if entry.source_file is None else entry.source_file.path
-        listed[clip] = [entry.name, file, Path(file).name, *(f"tag:{tag}" for tag in entry.tags)]
+        listed.append([entry.name, file, Path(file).name, *(f"tag:{tag}" for tag in entry.tags)])
     for pattern, part in table.items():
         is_glob, n_found = bool(set(pattern) & set("*?[")), 0
         for clip, keys in enumerate(listed):

@@ -5,7 +5,6 @@ import hashlib
 import itertools
 import json
 import shutil
-from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
@@ -196,11 +195,10 @@ class _Run:
             return
         run = partial(Augmentation.run_job, encode=FORMATS[self.request["format"]].encode)
         results = call_each(executor, run, self.windows, itertools.count(self.job))
-        for job, (windows, n_rejected) in enumerate(results, self.job):
-            self.job = job
-            for offset, window in enumerate(windows[self.offset :], self.offset + 1):
+        for windows, n_rejected in results:
+            for window in windows[self.offset :]:
                 pending.append(window)
-                self.offset, self.n_in_pass = offset, self.n_in_pass + 1
+                self.offset, self.n_in_pass = self.offset + 1, self.n_in_pass + 1
                 self.n_windows += 1
                 if len(pending) == SHARD_SIZE or self.n_windows == count:
                     self._write_shard(pending)
@@ -209,13 +207,12 @@ class _Run:
                     progress("windows", self.n_windows, count)
                 if self.n_windows == count:
                     return
-            is_end = (job + 1) % n_bases == 0
-            self.job, self.offset = job + 1, 0
+            self.job, self.offset = self.job + 1, 0
             self.n_rejected += n_rejected
-            if is_end and self.n_in_pass == 0:
-                self.is_exhausted = 1
+            if self.job % n_bases == 0:
+                self.is_exhausted, self.n_in_pass = int(self.n_in_pass == 0), 0
+            if self.is_exhausted:
                 break
-            self.n_in_pass = 0 if is_end else self.n_in_pass
         if pending:
             self._write_shard(pending)
 
@@ -262,18 +259,17 @@ class _Run:
     def _report(self) -> dict[str, Any]:
         """Return a summary of the provenance: how new the windows are, and how much they use."""
         windows, library, part = self.windows, self.windows.library, self.windows.part
-        donors = Counter[tuple[str, ...]]()
         measures: dict[str, tuple[float, ...]] = {}
         used: dict[str, set[tuple[str, str]]] = {name: set() for name in library.groups.names}
-        bases, n_captured, n_parts = Counter[str](), 0, 0
+        donors, bases, n_captured, n_parts = set[tuple[str, str]](), set[str](), 0, 0
         with (self.folder / TABLE).open(encoding="utf-8", newline="") as stream:
             for row in csv.DictReader(stream):
-                donors[row["clip"], row["clip_start"]] += 1
+                donors.add((row["clip"], row["clip_start"]))
                 used[row["group"]].add((row["clip"], row["clip_start"]))
                 used[library.groups.base].add((row["base"], row["start"]))
+                bases.add(row["base"])
                 n_parts, n_captured = n_parts + 1, n_captured + (row["is_captured"] == "True")
                 if row["window"] not in measures:
-                    bases[row["base"]] += 1
                     own = tuple(float(row[name]) for name in ("new", "changed", "gap"))
                     measures[row["window"]] = own
         new, changed, gap = np.array(list(measures.values()) or [(0.0,) * 3]).T

@@ -1,7 +1,7 @@
 """Remarks about grafts: what was not exchanged, why, and which option helps."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -136,22 +136,20 @@ def _describe_missing(graft: Graft, group: str) -> str:
     )
 
 
-def _find_causes(library: Library, group: str, segments: IntArray) -> list[str]:
-    """Return, for each of `segments`, why it has no candidate: a key of `_REMEDIES`."""
+def _find_causes(library: Library, group: str, segments: IntArray) -> Iterator[str]:
+    """Yield, for each of `segments`, why it has no candidate: a key of `_REMEDIES`."""
     pool, config, lengths = library.pool(group), library.config, library.segments.lengths
-    causes = []
     for segment, members in zip(segments, pool.neighbours(segments, config), strict=True):
         others = members[members != segment]
         fitting = others[length_fits(lengths[[segment]], lengths[others], pool.rate, config)]
         donors = fitting[pool.is_donor[fitting]]
         if not len(others):
-            causes.append("no similar segment")
+            yield "no similar segment"
         elif not len(fitting):
-            causes.append("none of similar length")
+            yield "none of similar length"
         elif not len(donors):
-            causes.append("only segments with recording faults")
+            yield "only segments with recording faults"
         elif pool.are_copies(np.full(len(donors), segment), donors).all():
-            causes.append("only copies of the captured part")
+            yield "only copies of the captured part"
         else:
-            causes.append("none within the constraints")
-    return causes
+            yield "none within the constraints"
