@@ -1,11 +1,14 @@
-"""Code that the studies share: the run of a report, and the option `--quick`."""
+"""Code that the studies share: the run of a report, the option `--quick`, and keys in JSON."""
 
 import contextlib
 import io
 import sys
 import warnings
+from collections.abc import Mapping
+from typing import ClassVar
 
 from mograft.dancer import dance
+from mograft.evaluation.estimate import Record
 
 
 def run(parser, report, argv):
@@ -29,3 +32,13 @@ def run(parser, report, argv):
 def tiny_motion(seed=1, n_frames=240):
     """Return a few seconds of the dancer."""
     return dance(seed=seed, strides=1).motion[:n_frames]
+
+
+class RenamedRecord(Record):
+    """Base class of results of which some fields have another name in JSON."""
+
+    JSON_KEYS: ClassVar[Mapping[str, str]] = {}  # field name to JSON key
+
+    def as_dict(self):
+        """Return a dict for JSON, with the fields in their order."""
+        return {self.JSON_KEYS.get(name, name): own for name, own in super().as_dict().items()}

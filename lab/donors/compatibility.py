@@ -12,6 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from lab.common import RenamedRecord
 from lab.donors import classifier, donor_pairs
 from lab.donors.classifier import PairFeatures
 from lab.donors.held_out import GROUP_SEGMENTS, fit_on, fold_groups, shuffle_parts
@@ -21,7 +22,7 @@ from lab.donors.part_features import part_features
 from mograft import InsufficientDataError, Library
 from mograft.evaluation import Method
 from mograft.evaluation.detectability import assign_folds
-from mograft.evaluation.estimate import Estimate, Record
+from mograft.evaluation.estimate import Estimate
 
 MIN_SEGMENTS = 60
 MIN_RATE_DIFFERENCE = 0.1  # least difference of the acceptance rates of captured and random parts
@@ -32,7 +33,7 @@ _MAX_TRAIN_SEGMENTS = 400  # limits the run time of the SVM, which grows with th
 
 
 @dataclass(frozen=True)
-class Score(Record):
+class Score(RenamedRecord):
     """Compatibility of base parts with the parts of the donors that one method selects."""
 
     method: str
@@ -45,7 +46,7 @@ class Score(Record):
 
 
 @dataclass(frozen=True)
-class Compatibility(Record):
+class Compatibility(RenamedRecord):
     """Compatibility of the parts of one grafted group with base parts; see `compatibility`.
 
     A captured part is that of the base segment itself, a random part that of another segment.

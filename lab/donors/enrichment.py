@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from lab.common import RenamedRecord
 from lab.donors.methods import cluster_candidates
 from mograft import JointGroups, Library
 from mograft.clustering import cut, threshold
@@ -39,7 +40,7 @@ class Count:
 
 
 @dataclass(frozen=True)
-class Enrichment(Record):
+class Enrichment(RenamedRecord):
     """Numbers of combinations for one cluster diameter threshold.
 
     The threshold is given by an interpretation of eq. 14 of the paper and a scale.

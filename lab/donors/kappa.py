@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -132,15 +132,10 @@ class Kappas:
                 means.append(total / number)
             return combine(means)
 
-        return bootstrap_estimate(
-            float(value),
-            statistic,
-            n_blocks,
-            n=n,
-            unit=unit,
-            seed=self.seed,
-            interval_method=interval_method,
+        found = bootstrap_estimate(
+            float(value), statistic, n_blocks, n=n, unit=unit, seed=self.seed
         )
+        return replace(found, interval_method=interval_method)
 
 
 def _kappa(means):

@@ -5,9 +5,9 @@ neighbours, or whole clips, instead of single segments.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -25,12 +25,9 @@ _MIN_FINITE_SHARE = 0.9  # share of the resamples that must have a finite value 
 class Record:
     """Base class of result dataclasses that become JSON objects."""
 
-    JSON_KEYS: ClassVar[Mapping[str, str]] = {}  # field name to JSON key, if they differ
-
     def as_dict(self) -> dict[str, Any]:
         """Return a dict for JSON, with the fields in their order."""
-        values = vars(self).items()
-        return {self.JSON_KEYS.get(name, name): as_json(value) for name, value in values}
+        return {name: as_json(value) for name, value in vars(self).items()}
 
 
 def as_json(value: object) -> object:
@@ -143,7 +140,6 @@ def bootstrap_estimate(
     n: int,
     unit: str,
     seed: int,
-    interval_method: str | None = None,
 ) -> Estimate:
     """Return an estimate with a value and a 95 % bootstrap interval (percentile method).
 
@@ -161,7 +157,7 @@ def bootstrap_estimate(
         is_finite = np.isfinite(values)
         if is_finite.mean() > _MIN_FINITE_SHARE:
             low, high = np.percentile(values[is_finite], [2.5, 97.5]).tolist()
-    method = interval_method or f"bootstrap of {n_blocks} blocks"
+    method = f"bootstrap of {n_blocks} blocks"
     return Estimate(value=value, low=low, high=high, n=n, unit=unit, interval_method=method)
 
 
