@@ -14,7 +14,7 @@ from itertools import pairwise, starmap
 
 import numpy as np
 
-from mograft._util.arrays import BoolArray, FloatArray, IntArray
+from mograft._util.arrays import BoolArray, FloatArray
 from mograft._util.verdict import compare
 from mograft.body.contacts import Ground, skating_share
 from mograft.body.support_polygon import Support, support_polygons
@@ -240,20 +240,15 @@ class WorldReference:
                 continue
             captured = donors = base.jerks[name][frames]
             if group is not None:
-                donors = self._donor_jerks(name, origins[group].frames[frames])
+                clip, frame = self.blocks.clip_of(origins[group].frames[frames])
+                clips = np.unique(clip).tolist()
+                jerks = [self._clip_jerks(own)[name][frame[clip == own]] for own in clips]
+                donors = np.concatenate(jerks)
             medians = [float(np.median(j)) for j in (new[name][frames], captured, donors)]
             reference = math.sqrt(medians[1] * medians[2])
             if reference > 0:
                 ratios[f"{name}_jerk"] = medians[0] / reference
         return ratios
-
-    def _donor_jerks(self, name: str, frames: IntArray) -> FloatArray:
-        """Return the jerk of the landmark `name` at frames that are numbered over all clips."""
-        clip, frame = self.blocks.clip_of(frames)
-        found = np.empty((len(frames), *self._clip_jerks(int(clip[0]))[name].shape[1:]))
-        for index in np.unique(clip).tolist():
-            found[clip == index] = self._clip_jerks(index)[name][frame[clip == index]]
-        return found
 
 
 class _Base:
