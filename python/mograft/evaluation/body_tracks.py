@@ -211,8 +211,5 @@ def driving_group(graft: Graft, joints: Iterable[int]) -> str | None:
     """
     library = graft.library
     group_of = {int(j): name for name in graft.alternatives for j in library.joints(name)}
-    for joint in joints:
-        for above in (joint, *library.skeleton.ancestors(joint)):
-            if above in group_of:
-                return group_of[above]
-    return None
+    chains = ((joint, *library.skeleton.ancestors(joint)) for joint in joints)
+    return next((group_of[above] for chain in chains for above in chain if above in group_of), None)
