@@ -7,6 +7,7 @@ the weight) of all continuations of each candidate, and then once forwards to re
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from mograft import _core
 from mograft._util.arrays import BoolArray, FloatArray, IntArray
 from mograft.search.costs import PRESELECTION, CostModel
 from mograft.search.segment_pool import POSITIONS_PER_BATCH, SegmentPool, list_pairs
+
+_N_SEGMENT_BITS = 32
+_SEGMENT_BITS = (1 << _N_SEGMENT_BITS) - 1
 
 DonorSequences = dict[str, IntArray]
 """The donor sequence of each grafted group: the donor segment at each position."""
@@ -237,15 +241,27 @@ class DonorTrellis:
 
     def donor_sequence(self, path: IntArray) -> IntArray:
         """Return the donor segment at each position of a path, shape (n_positions,)."""
-        pairs = zip(self.candidates, path.tolist(), strict=True)
-        return np.array([own[index] for own, index in pairs], np.int64)
+        starts, keys = self._flat
+        return keys[starts + path] & _SEGMENT_BITS
 
     def path(self, donors: IntArray) -> IntArray:
         """Return the path that visits a donor sequence; each donor must be among the candidates."""
-        pairs = zip(self.candidates, donors.tolist(), strict=True)
-        return np.array([own.searchsorted(donor) for own, donor in pairs], np.int64)
+        starts, keys = self._flat
+        return np.searchsorted(keys, self._keys(np.arange(len(donors)), donors)) - starts
 
     def is_listed(self, donors: IntArray) -> BoolArray:
         """Return whether the donor at each position is among the candidates."""
-        pairs = zip(self.candidates, donors.tolist(), strict=True)
-        return np.array([donor in own for own, donor in pairs], bool)
+        keys, wanted = self._flat[1], self._keys(np.arange(len(donors)), donors)
+        return keys[np.searchsorted(keys, wanted).clip(max=len(keys) - 1)] == wanted
+
+    @cached_property
+    def _flat(self) -> tuple[IntArray, IntArray]:
+        """Where each position starts among all candidates, and the `_keys` of all candidates."""
+        counts = np.array([len(own) for own in self.candidates], np.int64)
+        positions = np.repeat(np.arange(len(counts)), counts)
+        return np.cumsum(counts) - counts, self._keys(positions, np.concatenate(self.candidates))
+
+    @staticmethod
+    def _keys(positions: IntArray, segments: IntArray) -> IntArray:
+        """Return one number per candidate; the numbers ascend by position, then by segment."""
+        return (positions << _N_SEGMENT_BITS) + segments
