@@ -158,3 +158,18 @@ def test_embed_too_few_or_equal_segments_warns_and_returns_none():
         samples = normalise([motion], segments, ROBUST, **NORMALISATION)
         with pytest.warns(UserWarning, match=message):
             assert embed_all(samples, range(4)) is None
+
+
+def test_embed_cached_features_do_not_change_result(monkeypatch):
+    from mograft.analysis import embedding
+
+    monkeypatch.setattr(embedding, "CHUNK", 3)
+    motion = random_star_clip(np.random.default_rng(3), tile_segments([199]))
+    samples = normalise([motion], segment(motion), ROBUST, **NORMALISATION)
+    assert len(samples) % 3
+    expected = None
+    for room in (0, 8 * 700, 8 * 1500, 1 << 30):
+        monkeypatch.setattr(embedding, "CACHE_BYTES", room)
+        result = embed_all(samples, range(4))
+        expected = result.points if expected is None else expected
+        np.testing.assert_array_equal(result.points, expected)

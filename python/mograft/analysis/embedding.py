@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from itertools import islice
 from typing import Protocol
 
 import numpy as np
@@ -21,6 +22,9 @@ from mograft.motion.segments import Segments
 CHUNK = 1024
 """Number of segments in memory at a time. Sums run chunk by chunk in the order of segments, so
 their last bits depend on this number only."""
+
+CACHE_BYTES = 1 << 27
+"""Bytes of features that are kept between the two passes."""
 
 MIN_DEVIATION = 1e-6
 """Features with a smaller standard deviation are dropped. Samples are stored in single
@@ -302,9 +306,19 @@ def embed(
     if has_root and not config.keep_heading:
         reference[joints == root] = rotations.IDENTITY
 
+    cache: list[FloatArray] = []
+
     def matrices() -> Iterator[FloatArray]:
-        for part in samples.chunks():
-            yield features(restrict(part), joints, reference, has_root=has_root)
+        yield from cache
+        n_cached = len(cache)
+        if n_cached * CHUNK >= n:
+            return
+        for number, part in enumerate(islice(samples.chunks(), n_cached, None), n_cached):
+            matrix = features(restrict(part), joints, reference, has_root=has_root)
+            # The first chunks that fit are kept; the second pass recomputes the others.
+            if number == len(cache) and 8 * matrix.size * (number + 1) <= CACHE_BYTES:
+                cache.append(matrix)
+            yield matrix
 
     spread = Spread.of(matrices())
     # The last feature, the length, is not sufficient to distinguish segments: a clip at rest is
