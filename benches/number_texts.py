@@ -38,9 +38,9 @@ def measure_numbers(n_numbers):
     ):
         rows = values.reshape(-1, 64)
         text = _core.format_rows(rows)
-        words, numbers, out = text.split(), values.tolist(), np.empty(n_numbers)
+        words, numbers = text.split(), values.tolist()
         tasks = (
-            lambda text=text, out=out: _core.scan_numbers(text, 0, out, last=True),
+            lambda text=text: _core.scan_numbers(text, 0, n_numbers),
             lambda words=words: [float(word) for word in words],
             lambda rows=rows: _core.format_rows(rows),
             lambda numbers=numbers: [repr(number) for number in numbers],

@@ -1,33 +1,34 @@
 //! Bindings of `mograft-text`. Every function has its kernel's name.
 
-use numpy::{IntoPyArray as _, Ix1, PyArray1, PyUntypedArrayMethods as _};
+use numpy::{IntoPyArray as _, PyArray1, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use crate::convert::{Floats, Output, memory_error, value_error};
+use crate::convert::{Floats, memory_error};
 
-/// The fields of `mograft_text::Scan`: count of numbers written, count of bytes read, count of
-/// numbers before every line end, and whether a bad token follows.
-type ScanTuple<'py> = (usize, usize, Bound<'py, PyArray1<i64>>, bool);
+/// The fields of `mograft_text::Scan`.
+type ScanTuple<'py> =
+    (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<i64>>, usize, bool);
 
-/// Parse the numbers of `text` from byte `start` on into `out`.
+/// Parse the numbers of `text` from byte `start` on.
 #[pyfunction]
-#[pyo3(signature = (text, start, out, *, last))]
 pub fn scan_numbers<'py>(
     py: Python<'py>,
     text: &[u8],
     start: usize,
-    mut out: Output<'py, f64, Ix1>,
-    last: bool,
+    capacity: usize,
 ) -> PyResult<ScanTuple<'py>> {
     let text = tail(text, start)?;
-    let slots = out.as_slice_mut()?;
-    let scan = py.detach(|| mograft_text::scan_numbers(text, last, slots));
+    let scan = py.detach(|| mograft_text::scan_numbers(text, capacity));
     let scan = scan.map_err(memory_error)?;
-    let line_ends: Result<Vec<_>, _> = scan.line_ends.into_iter().map(i64::try_from).collect();
-    let line_ends = line_ends.map_err(value_error)?.into_pyarray(py);
-    Ok((scan.n_values, scan.n_bytes, line_ends, scan.has_bad_token))
+    Ok((
+        scan.values.into_pyarray(py),
+        scan.lines.into_pyarray(py),
+        scan.counts.into_pyarray(py),
+        scan.n_bytes,
+        scan.has_bad_token,
+    ))
 }
 
 /// The bytes of a text from `start` on.

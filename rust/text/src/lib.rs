@@ -6,7 +6,7 @@
 //! | [`format`](mod@format) | writes rows of numbers, each in the fewest digits that give it back |
 //!
 //! Digits are converted by `fast-float2` and `zmij`; this crate adds the grammar of BVH's motion
-//! block: white space, line ends, text that arrives in pieces, and the choice of notation.
+//! block: white space, line ends, and the choice of notation.
 
 pub mod format;
 pub mod scan;

@@ -29,11 +29,6 @@ from mograft.motion.skeleton import CHANNELS, Skeleton
 _CODES = {name: code for code, name in enumerate(CHANNELS)}
 """Codes of channels: the axis, plus 3 if it is a rotation."""
 
-# The text of about this many bytes is parsed at a time, because line ends take memory until blank
-# lines are dropped.
-CHUNK_BYTES = 1 << 18
-# Numbers for which there is at least room after the declared number of frames.
-_BLOCK_LENGTH = 1 << 15
 _PADDING = re.compile(rb"[\0\x1a \t-\r]*")
 
 
@@ -142,35 +137,21 @@ def channels_to_transforms(
 
 def read_frames(cursor: Cursor, header: Header) -> FloatArray:
     """Read the channel values, shape (n_frames, n_channels)."""
-    width, text, chunk_bytes = header.skeleton.n_channels, cursor.text, CHUNK_BYTES
+    width, text = header.skeleton.n_channels, cursor.text
     cursor.skip_white_space()
-    lines = _Lines(cursor.line_and_column(cursor.offset)[0])
     # A number takes at least two bytes: the size of the file limits the memory that the declared
-    # number of frames can claim. Files with this number leave the last place free.
-    values = np.empty(max(min(header.n_frames * width, len(text) // 2), width) + 1)
-    filled = 0
-    while True:
-        stop = cursor.offset + chunk_bytes
-        n_values, n_bytes, line_ends, is_invalid = _core.scan_numbers(
-            text[cursor.offset : stop], 0, values[filled:], last=stop >= len(text)
-        )
-        cursor.offset += n_bytes
-        lines.add(filled + line_ends)
-        filled += n_values
-        if is_invalid:
-            _find_layout(cursor, width, *lines.arrays())
-            _check_padding(cursor)
-            break
-        if filled == len(values):
-            values.resize(2 * filled + _BLOCK_LENGTH, refcheck=False)
-        elif stop >= len(text):
-            break
-        elif not n_bytes:  # a number is longer than the chunk
-            chunk_bytes *= 2
-    lines.add(np.array([filled]))  # the last line may have no end
-    n_frames, numbers_per_frame = _check_lines(cursor, header, *lines.arrays())
-    values.resize((n_frames, numbers_per_frame), refcheck=False)
-    return np.ascontiguousarray(values[:, :width])
+    # number of frames can claim.
+    capacity = min(header.n_frames * width, len(text) // 2)
+    values, lines, counts, n_bytes, is_invalid = _core.scan_numbers(text, cursor.offset, capacity)
+    lines += cursor.line_and_column(cursor.offset)[0]
+    cursor.offset += n_bytes
+    if is_invalid:
+        has_ended = lines < cursor.line_and_column(cursor.offset)[0]
+        _find_layout(cursor, width, lines[has_ended], counts[has_ended])
+        _check_padding(cursor)
+    n_frames, numbers_per_frame = _check_lines(cursor, header, lines, counts)
+    rows = values[: n_frames * numbers_per_frame].reshape(n_frames, numbers_per_frame)
+    return np.ascontiguousarray(rows[:, :width])
 
 
 def _check_padding(cursor: Cursor) -> None:
@@ -187,27 +168,6 @@ def _check_padding(cursor: Cursor) -> None:
     if word.upper() in (b"HIERARCHY", b"ROOT", b"MOTION"):
         cursor.fail(f"expected a number, got {describe_word(word)}: a file holds one motion")
     cursor.fail(f"expected a number, got {describe_number(word)}")
-
-
-class _Lines:
-    """The lines that are not blank, and how many numbers each of them holds."""
-
-    def __init__(self, first: int) -> None:
-        self._next, self._n_before = first, 0  # line that ends next, and the numbers before it
-        self._lines, self._counts = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-
-    def add(self, n_before: IntArray) -> None:
-        """Add the next lines, given how many numbers precede the end of each."""
-        counts = np.diff(n_before, prepend=self._n_before)
-        not_blank = np.flatnonzero(counts)
-        self._lines.append(self._next + not_blank)
-        self._counts.append(counts[not_blank])
-        self._next += len(counts)
-        self._n_before += int(counts.sum())
-
-    def arrays(self) -> tuple[IntArray, IntArray]:
-        """Return the lines that have ended, and their counts of numbers."""
-        return np.concatenate(self._lines), np.concatenate(self._counts)
 
 
 def _find_layout(

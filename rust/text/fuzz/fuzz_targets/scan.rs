@@ -1,6 +1,6 @@
-//! Any text: in pieces as at once, and token by token as the standard library parses numbers.
+//! Any text: token by token as the standard library parses numbers, and line by line.
 //!
-//! The first byte is where the text is cut, the second the room for numbers.
+//! The first byte is the room for numbers.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -14,12 +14,11 @@ fn has_number_characters(token: &[u8]) -> bool {
 }
 
 fuzz_target!(|data: &[u8]| {
-    let [cut, room, text @ ..] = data else { return };
-    let (cut, room) = (usize::from(*cut).min(text.len()), usize::from(*room));
-    let mut whole = vec![0.0; room];
-    let scan = scan_numbers(text, true, &mut whole).unwrap();
-    assert!(scan.n_values <= room && scan.n_bytes <= text.len());
-    assert!(scan.line_ends.is_sorted() && scan.line_ends.iter().all(|&n| n <= scan.n_values));
+    let [capacity, text @ ..] = data else { return };
+    let scan = scan_numbers(text, usize::from(*capacity)).unwrap();
+    assert!(scan.n_bytes <= text.len() && scan.has_bad_token == (scan.n_bytes < text.len()));
+    assert!(scan.lines.is_sorted_by(|a, b| a < b) && scan.counts.iter().all(|&n| n > 0));
+    assert_eq!(scan.counts.iter().sum::<i64>(), i64::try_from(scan.values.len()).unwrap());
 
     // Every number is that of the standard library, and the first bad token is none of its.
     let tokens = text
@@ -30,34 +29,9 @@ fuzz_target!(|data: &[u8]| {
         (has_number_characters(token) && number.is_finite()).then_some(number)
     };
     let parsed: Vec<_> = tokens.map(parse).collect();
-    for (number, expected) in whole[..scan.n_values].iter().zip(&parsed) {
+    for (number, expected) in scan.values.iter().zip(&parsed) {
         assert_eq!(Some(number.to_bits()), expected.map(f64::to_bits));
     }
-    if scan.n_values < room {
-        assert_eq!(scan.has_bad_token, parsed.get(scan.n_values).is_some());
-        assert!(parsed.get(scan.n_values).is_none_or(Option::is_none));
-    }
-
-    // The text in two pieces gives the same numbers and lines.
-    let mut pieces = vec![0.0; room];
-    let first = scan_numbers(&text[..cut], false, &mut pieces).unwrap();
-    if first.has_bad_token {
-        assert!(scan.has_bad_token || scan.n_values == room);
-        return;
-    }
-    let second = scan_numbers(&text[first.n_bytes..], true, &mut pieces[first.n_values..]).unwrap();
-    assert_eq!(first.n_values + second.n_values, scan.n_values);
-    assert_eq!(first.n_bytes + second.n_bytes, scan.n_bytes);
-    let bits = |numbers: &[f64]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-    assert_eq!(bits(&pieces), bits(&whole));
-    let later = second.line_ends.iter().map(|n| n + first.n_values);
-    assert_eq!(
-        first
-            .line_ends
-            .iter()
-            .copied()
-            .chain(later)
-            .collect::<Vec<_>>(),
-        scan.line_ends
-    );
+    assert_eq!(scan.has_bad_token, parsed.get(scan.values.len()).is_some());
+    assert!(parsed.get(scan.values.len()).is_none_or(Option::is_none));
 });
