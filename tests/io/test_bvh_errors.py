@@ -102,6 +102,13 @@ def test_read_bvh_missing_frames_and_no_line_end_is_refused(length):
     assert read(f"{cut}\n").n_frames == 3
 
 
+def test_read_bvh_coordinate_beyond_limit_is_an_error_of_the_file():
+    text = TEXT.rstrip().rpartition("\n")[0]
+    width = read(TEXT).channel_values.shape[1]
+    with pytest.raises(mg.BvhError, match=r"^<.*>: `positions` must be at most 1e\+100"):
+        read(f"{text}\n{' '.join(['1e308'] * 3 + ['0'] * (width - 3))}\n")
+
+
 def test_read_bvh_run_of_line_ends_takes_little_memory():
     text = TEXT.encode() + b"\r" * 4_000_000
     tracemalloc.start()

@@ -12,6 +12,7 @@ import numpy as np
 
 from mograft import _core
 from mograft._util.arrays import FloatArray, IntArray
+from mograft.errors import BvhError
 from mograft.io.bvh.cursor import (
     BvhFile,
     Cursor,
@@ -90,16 +91,19 @@ def read_bvh(source: BvhFile, *, strict: bool = False, add_offsets: bool = False
     rotations, positions = channels_to_transforms(header.skeleton, values, add_offsets=add_offsets)
     # The name of an open file may not be a path; that of standard input is "<stdin>".
     path = Path(label) if os.path.exists(label) else None
-    return Motion(
-        header.skeleton,
-        header.frame_time,
-        rotations,
-        positions,
-        channel_values=values,
-        name="" if path is None else path.stem,
-        path=path,
-        repairs=repairs,
-    )
+    try:
+        return Motion(
+            header.skeleton,
+            header.frame_time,
+            rotations,
+            positions,
+            channel_values=values,
+            name="" if path is None else path.stem,
+            path=path,
+            repairs=repairs,
+        )
+    except ValueError as error:  # a coordinate is too large
+        raise BvhError(str(error), label) from error
 
 
 def open_bvh(path: Path, *, rate: float | None, skeleton: Skeleton | None) -> Clips:  # noqa: ARG001
