@@ -1,16 +1,20 @@
 """`mograft completion` and `mograft doctor`."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from importlib import metadata
+from pathlib import Path
 
 import pytest
 
 import mograft
 from mograft.cli import main
 
+PROJECT = Path(__file__).parents[2] / "pyproject.toml"
 SHELLS = {
     "bash": "source {script}; COMP_WORDS=({words}); COMP_CWORD={at}; "
     "COMP_LINE='{line}'; COMP_POINT=${{#COMP_LINE}}; _shtab_mograft; "
@@ -90,6 +94,12 @@ def test_doctor_absent_package_state_and_exit_code(capsys, monkeypatch, name, st
     found = checks(capsys, code)[name]
     assert found["state"] == state
     assert found["detail"].endswith(f": pip install {source}")
+
+
+def test_doctor_lists_the_packages_of_all_extras_of_commands(capsys):
+    extras = tomllib.loads(PROJECT.read_text())["project"]["optional-dependencies"].items()
+    needed = [own for name, each in extras if name not in ("dask", "docs", "test") for own in each]
+    assert checks(capsys, 0).keys() >= {re.match(r"[\w-]+", own)[0] for own in needed}
 
 
 def test_doctor_failing_graft_is_broken(capsys, monkeypatch):

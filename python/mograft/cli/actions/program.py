@@ -22,6 +22,7 @@ _USES_OF_PACKAGES = {
     "matplotlib": "mograft plot",
     "pillow": "films, mograft export -o x.gif",
     "imageio-ffmpeg": "films, mograft export -o x.mp4, unless ffmpeg is installed",
+    "playwright": "films, mograft export --renderer browser",
     "usd-core": "mograft export -o x.usd",
     "mograft-fbx": "FBX files",
     "pyarrow": "mograft lib export --format parquet",
