@@ -67,7 +67,7 @@ def renamed(graft: Graft, name: str | None) -> Graft:
 def new_paths(
     options: GraftOptions, first: str, suffix: str, page: str, inputs: Sequence[str]
 ) -> tuple[list[Path], Path]:
-    """Return `output_paths` of new grafts, whose names begin with that of the base or a scenario.
+    """Return the paths of the files of new grafts; names begin with the base, or "scenario".
 
     `first` is the first file, or the name of the first clip of a library.
     """

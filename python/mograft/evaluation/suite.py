@@ -207,7 +207,7 @@ def _balance_rows(
     grafts: Sequence[Sequence[Graft] | None],
     refusals: dict[str, str],
 ) -> list[BalanceRow]:
-    """Return the balance of one method, by kind; `grafts` has None for the recording of a base."""
+    """Return how well one method keeps balance, by kind; None in `grafts` is a recorded base."""
     rows = []
     for kind in BALANCES if bases else ():
         samples = [base.sample(kind, own) for base, own in zip(bases, grafts, strict=True)]

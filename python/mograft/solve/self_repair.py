@@ -200,7 +200,7 @@ class _Defects:
 
 
 def _search(defects: _Defects, trellis: DonorTrellis) -> IntArray:
-    """Search for other donors near defects; return those with the fewest and smallest defects.
+    """Replace the donors of segments near defects; return the donors with the least defects.
 
     In several rounds, the donors at defects are penalised and the cheapest sequence is measured. A
     last round measures the base segments. Sequences whose seams exceed `max_angle` by more than the

@@ -137,7 +137,7 @@ def _describe_missing(graft: Graft, group: str) -> str:
 
 
 def _find_causes(library: Library, group: str, segments: IntArray) -> Iterator[str]:
-    """Yield, for each of `segments`, why it has no candidate: a key of `_REMEDIES`."""
+    """Yield why each of `segments`, which all lack candidates, has none: a key of `_REMEDIES`."""
     pool, config, lengths = library.pool(group), library.config, library.segments.lengths
     for segment, members in zip(segments, pool.neighbours(segments, config), strict=True):
         others = members[members != segment]
