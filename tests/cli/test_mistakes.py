@@ -205,6 +205,7 @@ MISTAKES = [
     ("play a.bvh", USAGE, "required: --vmc"),
     ("play a.bvh --vmc 127.0.0.1:0", USAGE, "--vmc: must be HOST or HOST:PORT"),
     ("plot pca a.bvh -o x.png --frames 1-5", USAGE, "--frames requires strip, timeline, energy"),
+    ("plot strip lib -o x.png --clip walk --preset paper", USAGE, "--preset is fixed when"),
     ("plot strip a.bvh -o x.png --group lower", USAGE, "--group requires pca, dendrogram"),
     ("graft a.bvh -o x --scenario graph --length 1", USAGE, "--length: must be at least 2 frames"),
     ("graft a.bvh -o x --scenario graph --length 9 --beats 90", USAGE,

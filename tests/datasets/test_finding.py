@@ -130,7 +130,7 @@ def test_words_find_names_tags_and_descriptions(takes):
 
 
 def test_command_prints_the_hits_and_writes_a_page(stored, clip_folder, tmp_path, succeed):
-    page = tmp_path / "hits.html"
+    page = tmp_path / "new" / "hits.html"
     words = f"find p0_100 {stored.folder} --frames 1s-3s --top 5 -o {page}".split()
     lines = succeed(*words)[0].splitlines()
     hits = datasets.find(stored, "p0_100", frames=(30, 90), top=5)

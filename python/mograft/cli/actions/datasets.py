@@ -139,6 +139,7 @@ def run_find(options: FindOptions) -> int:
             replace(motion[start : stop + 1], name=f"{motion.name} {start}-{stop}", path=None)
             for motion, start, stop in spans
         ]
+        path.parent.mkdir(parents=True, exist_ok=True)
         view(*items, groups=library.groups, show=False).save(path, force=True)
         if options.open:
             open_page(path)

@@ -149,7 +149,7 @@ def _single_motion(
     """
     groups: _Groups
     if folder is not None:
-        library = mg.Library.open(folder)
+        library = configuration.load_library(options)
         motions = [library.clips[index] for index in files.select_clips(library, options.clip)]
         names, groups, config = [own.name for own in motions], library.groups, library.config
     else:
